@@ -1,0 +1,122 @@
+"""The batch, the harness's atom, and the estimate that batches merge into. Knows nothing of renderers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+# Rec.709 luminance weights (ITU-R BT.709-6, section 3), for linear RGB.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def luminance(rgb: np.ndarray) -> np.ndarray:
+    """Rec.709 luminance of linear RGB, (..., 3) -> (...), float64."""
+    return np.asarray(rgb, dtype=np.float64) @ LUMINANCE
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What one renderer produced for one contiguous range of samples of one replica: immutable, merged by addition.
+
+    `mean` is (H, W, 3) float32, linear Rec.709 radiance, row 0 at the top; `samples` is per pixel. The sum of
+    radiance is `mean * samples` in float64: rounding one batch's mean to float32 moves it by at most 6e-8 relative,
+    far below the noise of any batch, and a batch read back from disk equals the batch that was rendered.
+    `rejected` counts samples over the whole image that were not finite and so left out of the mean.
+    `cpu_seconds` is the process CPU time that the batch took.
+    """
+
+    mean: np.ndarray
+    samples: int
+    rejected: int = 0
+    cpu_seconds: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Batches merged in float64: the mean, and the variance of that mean by batch means.
+
+    `mean`, `variance`: (H, W, 3); `luminance_variance`: (H, W); variances are of the mean, not of one sample.
+    `image_mean`, `image_variance`: (4,), the mean over all pixels of red, green, blue, luminance, and the variance
+    of those four by batch means, which assumes nothing about correlation between pixels.
+    Variances are NaN with fewer than two batches, and zero for an exact answer (`batches` = 0).
+    """
+
+    mean: np.ndarray
+    variance: np.ndarray
+    luminance_variance: np.ndarray
+    image_mean: np.ndarray
+    image_variance: np.ndarray
+    samples: int
+    batches: int
+    rejected: int = 0
+    cpu_seconds: float = 0.0
+
+    @classmethod
+    def exact(cls, mean: np.ndarray) -> Estimate:
+        """A closed-form image (H, W, 3) as an estimate without variance."""
+        mean = np.asarray(mean, dtype=np.float64)
+        return cls(mean, np.zeros_like(mean), np.zeros(mean.shape[:2]), _with_luminance(mean).mean((0, 1)),
+                   np.zeros(4), samples=0, batches=0)
+
+
+class Accumulator:
+    """Merges batches one at a time without keeping them.
+
+    Weighted Welford update (West 1979, CACM 22(9), doi:10.1145/359146.359153) with samples as weights. For a batch
+    of n samples the batch mean has variance σ²/n, so Σ n (m - m̄)² / (B - 1) estimates σ² without bias even when
+    batches differ in size, and the mean of all N samples has variance σ²/N.
+    """
+
+    def __init__(self) -> None:
+        self.samples = 0
+        self.batches = 0
+        self.rejected = 0
+        self.cpu_seconds = 0.0
+        self._mean = self._m2 = np.zeros(())  # (H, W, 4): red, green, blue, luminance
+        self._image_m2 = np.zeros(4)
+
+    def add(self, batch: Batch) -> None:
+        """Merge one batch; all batches must have the same image size."""
+        value = _with_luminance(batch.mean)
+        if self.batches == 0:
+            self._mean = np.zeros_like(value)
+            self._m2 = np.zeros_like(value)
+        self.samples += batch.samples
+        self.batches += 1
+        self.rejected += batch.rejected
+        self.cpu_seconds += batch.cpu_seconds
+        before = value - self._mean
+        self._mean += before * (batch.samples / self.samples)
+        after = value - self._mean
+        self._m2 += batch.samples * before * after
+        self._image_m2 += batch.samples * before.mean((0, 1)) * after.mean((0, 1))
+
+    @property
+    def mean(self) -> np.ndarray:
+        """The mean so far, (H, W, 3) float64."""
+        return self._mean[..., :3].copy()
+
+    def estimate(self) -> Estimate:
+        """The merged estimate of everything added so far; ValueError when nothing was."""
+        if self.batches == 0:
+            raise ValueError("no batch to estimate from")
+        scale = 1.0 / ((self.batches - 1) * self.samples) if self.batches > 1 else np.nan
+        variance = self._m2 * scale
+        return Estimate(self.mean, variance[..., :3], variance[..., 3], self._mean.mean((0, 1)),
+                        self._image_m2 * scale, self.samples, self.batches, self.rejected, self.cpu_seconds)
+
+
+def merge(batches: Iterable[Batch]) -> Estimate:
+    """Merge batches into one estimate; ValueError when there are none."""
+    accumulator = Accumulator()
+    for batch in batches:
+        accumulator.add(batch)
+    return accumulator.estimate()
+
+
+def _with_luminance(rgb: np.ndarray) -> np.ndarray:
+    """(..., 3) -> (..., 4) float64, luminance appended."""
+    rgb = np.asarray(rgb, dtype=np.float64)
+    return np.concatenate([rgb, luminance(rgb)[..., None]], axis=-1)

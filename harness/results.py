@@ -1,0 +1,57 @@
+"""What a study found, as plain values: written by `study`, read by `report` and the command line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from harness.estimate import Estimate
+from harness.stats.bias import MeanErrorVerdict
+from harness.stats.convergence import Slope
+
+
+@dataclass(frozen=True, eq=False)
+class StrategyResult:
+    """One strategy on one scene. R replicas, P prefixes of each run.
+
+    `spp`: (P,) samples per pixel of each prefix. `rmse`, `mean_error`, `ssim`: (R, P), of each replica's prefix
+    against the reference; `rmse` in scene radiance units with the reference's own variance subtracted,
+    `mean_error` signed, of luminance, relative to the reference's mean. `estimate` merges all replicas.
+    `flip`, `delta_e`: the mean of FLIP and of CIE ΔE2000 for that merged estimate. `cpu_seconds_per_spp`: process
+    CPU time for one sample per pixel of the whole image, the median over batches. `suits` is False where the
+    strategy cannot reach some light (then `warning` says which), and its verdict does not count against the tracer.
+    """
+
+    strategy: str
+    suits: bool
+    warning: str
+    spp: np.ndarray
+    rmse: np.ndarray
+    mean_error: np.ndarray
+    ssim: np.ndarray
+    estimate: Estimate
+    verdict: MeanErrorVerdict
+    slope: Slope | None  # None where the strategy has no variance to converge from
+    flip: float
+    delta_e: float
+    cpu_seconds_per_spp: float
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """One scene, its reference, and every strategy that was run on it.
+
+    `description` is the scene file's opening comment. `reference_kind`: 'Mitsuba' or 'closed form'.
+    `provenance`: flat mapping of name to value (versions, GL renderer, seeds, hashes, sizes), all strings.
+    """
+
+    scene: str
+    description: str
+    scene_hash: str
+    exposure: float
+    reference: Estimate
+    reference_kind: str
+    strategies: tuple[StrategyResult, ...]
+    notes: tuple[str, ...] = ()
+    provenance: dict[str, str] = field(default_factory=dict)
