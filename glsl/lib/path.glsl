@@ -1,0 +1,87 @@
+// The estimator: L = 1/N Σ f(l,v) Li(l) (n·l) / pdf(l), unrolled along a path. Emission is gathered where a path
+// meets it, the environment where a path escapes; light sources are never sampled.
+#ifndef LIB_PATH
+#define LIB_PATH
+
+#include "lib/random.glsl"
+#include "lib/camera.glsl"
+#include "lib/phong.glsl"
+
+// Lifts a scattered ray's origin off its surface. Mitsuba's own offset, SurfaceInteraction::offset_p: 1500 units
+// of half the float32 spacing at 1, scaled with the point's magnitude. A tenth of it darkens by 3e-4 (self-hits).
+const float RAY_EPSILON = 8.94e-5;
+
+vec3 offset_origin(vec3 p, vec3 n)
+{
+    vec3 magnitude = abs(p);
+    return p + n * (RAY_EPSILON * (1.0 + max(max(magnitude.x, magnitude.y), magnitude.z)));
+}
+
+// By bits, because a compiler may assume that comparisons with NaN do not happen.
+bool is_finite(vec3 v)
+{
+    return all(notEqual(floatBitsToUint(v) & 0x7f800000u, uvec3(0x7f800000u)));
+}
+
+// Samples first … first+samples-1 of one pixel: rgb is the sum of radiance, alpha the number of samples in it.
+// A sample that is not finite is left out of both, so alpha tells how many there were.
+//
+// One flat loop: a lane whose path ends starts its next sample at once, so lanes that run in lockstep do not wait
+// for the longest path of each sample. MAX_DEPTH vertices at most per path bound the loop.
+vec4 trace_samples(uvec2 pixel, vec2 size, uint replica, uint first, int samples)
+{
+    uvec2 stream = pixel_stream(pixel, replica);
+    vec4 sum = vec4(0.0);
+    vec3 o, d, radiance, throughput;
+    float reach;
+    int vertex = 0;      // of the current path; 0 means that a new one is due
+    int finished = 0;
+    for (int i = 0; i < samples * MAX_DEPTH; ++i) {
+        if (vertex == 0) {
+            seed_sample(stream, first + uint(finished));
+            camera_ray((vec2(pixel) + vec2(rand(), rand())) / size, o, d, reach);
+            radiance = vec3(0.0);
+            throughput = vec3(1.0);
+        }
+        ++vertex;
+
+        int id;
+        float t = intersect_scene(o, d, reach, id);
+        bool alive = false;
+        if (id < 0) {
+            radiance += throughput * environment(d);
+        } else {
+            vec3 p = o + t * d;
+            vec3 n = surface_normal(id, p);
+            float facing = -dot(n, d);
+#if HAS_EMISSION
+            if (facing > 0.0)
+                radiance += throughput * emission(id);
+#endif
+#if HAS_TWO_SIDED
+            if (facing < 0.0 && is_two_sided(id)) {
+                n = -n;
+                facing = -facing;
+            }
+#endif
+            if (facing > 0.0 && vertex < MAX_DEPTH) {
+                vec3 l;
+                throughput *= sample_phong(material(id), n, -d, l);
+                o = offset_origin(p, n);
+                d = l;
+                reach = NO_HIT;
+                alive = any(notEqual(throughput, vec3(0.0)));
+            }
+        }
+        if (!alive) {
+            if (is_finite(radiance))
+                sum += vec4(radiance, 1.0);
+            vertex = 0;
+            if (++finished == samples)
+                break;
+        }
+    }
+    return sum;
+}
+
+#endif

@@ -1,0 +1,42 @@
+// Random numbers: one independent PCG stream for each (pixel, sample, replica).
+//
+// PCG-RXS-M-XS-32: O'Neill 2014, "PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms for
+// Random Number Generation", HMC-CS-2014-0905, section 6.3; as an integer hash: Jarzynski & Olano 2020, "Hash
+// Functions for GPU Rendering", JCGT 9(3), listing 5.
+#ifndef LIB_RANDOM
+#define LIB_RANDOM
+
+uint rng_state;
+
+// A bijective integer hash: one step of the generator, then its output permutation.
+uint pcg_hash(uint v)
+{
+    uint state = v * 747796405u + 2891336453u;
+    uint word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
+    return (word >> 22u) ^ word;
+}
+
+// The part of the seed that does not change from one sample of a pixel to the next: two independent 32-bit words.
+uvec2 pixel_stream(uvec2 pixel, uint replica)
+{
+    uint a = pcg_hash(pixel.x + pcg_hash(pixel.y + pcg_hash(replica)));
+    return uvec2(a, pcg_hash(a ^ 0x9e3779b9u));
+}
+
+// Two rounds, keyed differently, so that no two pixels run through the same states at a constant lag, as they
+// would with one round of (sample + pixel key). Bijective in `index`: a pixel never repeats a sample.
+void seed_sample(uvec2 stream, uint index)
+{
+    rng_state = pcg_hash(pcg_hash(index ^ stream.x) + stream.y);
+}
+
+// Uniform in [0, 1): the upper 24 bits, all that a float32 holds exactly.
+float rand()
+{
+    uint state = rng_state;
+    rng_state = state * 747796405u + 2891336453u;
+    uint word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
+    return float(((word >> 22u) ^ word) >> 8u) * (1.0 / 16777216.0);
+}
+
+#endif

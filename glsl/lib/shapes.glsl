@@ -1,0 +1,70 @@
+// Ray-shape intersections: each returns the distance t > 0 to the nearest hit along o + t d, or NO_HIT.
+// Every shape is hit from both sides. A shape's rows are those of the inverse of its to_world transform, so that
+// dot(row.xyz, p) + row.w is one object-space coordinate of p; t is the same in object and world space.
+#ifndef LIB_SHAPES
+#define LIB_SHAPES
+
+const float NO_HIT = 1e30;
+
+// The nearer root in front of the ray. The discriminant is taken from the part of the centre's offset that is
+// perpendicular to the ray, which does not cancel for distant spheres: Haines, Günther & Akenine-Möller 2019,
+// "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems chapter 7, eq. 5.
+float hit_sphere(vec3 o, vec3 d, vec3 center, float radius)
+{
+    vec3 to_center = center - o;
+    float along = dot(to_center, d);
+    vec3 across = to_center - along * d;
+    float discriminant = radius * radius - dot(across, across);
+    float half_chord = sqrt(max(discriminant, 0.0));
+    float near = along - half_chord;
+    float far = along + half_chord;
+    float t = near > 0.0 ? near : far;
+    return discriminant >= 0.0 && t > 0.0 ? t : NO_HIT;
+}
+
+// [-1,1]² in the object-space plane z = 0.
+float hit_rectangle(vec3 o, vec3 d, vec4 row_x, vec4 row_y, vec4 row_z)
+{
+    float t = -(dot(row_z.xyz, o) + row_z.w) / dot(row_z.xyz, d);  // infinite for a parallel ray: fails t < NO_HIT
+    vec3 p = o + t * d;
+    float x = dot(row_x.xyz, p) + row_x.w;
+    float y = dot(row_y.xyz, p) + row_y.w;
+    return t > 0.0 && t < NO_HIT && max(abs(x), abs(y)) <= 1.0 ? t : NO_HIT;
+}
+
+// The unit disk in the object-space plane z = 0.
+float hit_disk(vec3 o, vec3 d, vec4 row_x, vec4 row_y, vec4 row_z)
+{
+    float t = -(dot(row_z.xyz, o) + row_z.w) / dot(row_z.xyz, d);
+    vec3 p = o + t * d;
+    float x = dot(row_x.xyz, p) + row_x.w;
+    float y = dot(row_y.xyz, p) + row_y.w;
+    return t > 0.0 && t < NO_HIT && x * x + y * y <= 1.0 ? t : NO_HIT;
+}
+
+// [-1,1]³ by slabs: Kay & Kajiya 1986, "Ray Tracing Complex Scenes", section 2; entry, or exit from inside.
+float hit_cube(vec3 o, vec3 d, vec4 row_x, vec4 row_y, vec4 row_z)
+{
+    vec3 origin = vec3(dot(row_x.xyz, o) + row_x.w, dot(row_y.xyz, o) + row_y.w, dot(row_z.xyz, o) + row_z.w);
+    vec3 inverse = 1.0 / vec3(dot(row_x.xyz, d), dot(row_y.xyz, d), dot(row_z.xyz, d));
+    vec3 middle = -origin * inverse;
+    vec3 extent = abs(inverse);
+    vec3 entries = middle - extent;
+    vec3 exits = middle + extent;
+    float entry = max(max(entries.x, entries.y), entries.z);
+    float exit = min(min(exits.x, exits.y), exits.z);
+    float t = entry > 0.0 ? entry : exit;
+    return entry <= exit && t > 0.0 ? t : NO_HIT;
+}
+
+// The face of [-1,1]³ that p lies on, as its outward object-space normal. One axis is picked on edge ties, since
+// the sum of two would not be a unit vector.
+vec3 cube_face(vec3 p, vec4 row_x, vec4 row_y, vec4 row_z)
+{
+    vec3 q = vec3(dot(row_x.xyz, p) + row_x.w, dot(row_y.xyz, p) + row_y.w, dot(row_z.xyz, p) + row_z.w);
+    vec3 a = abs(q);
+    vec3 face = a.x >= a.y && a.x >= a.z ? vec3(1, 0, 0) : a.y >= a.z ? vec3(0, 1, 0) : vec3(0, 0, 1);
+    return face * sign(q);
+}
+
+#endif
