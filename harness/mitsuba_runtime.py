@@ -27,7 +27,8 @@ _SYSTEM_FOLDERS = (
     "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib",
     "/usr/lib/llvm-*/lib", "/usr/lib64/llvm*/lib*", "/opt/homebrew/opt/llvm/lib",
 )
-_LLVM_MEND = f"run `make setup`, or `apt-get install libllvm19`, or point {LLVM_VARIABLE} at LLVM {OLDEST_LLVM} or newer"
+_LLVM_MEND = (f"run `make setup`, or `apt-get install libllvm19`, "
+              f"or point {LLVM_VARIABLE} at LLVM {OLDEST_LLVM} or newer")
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ def _wheel_libraries() -> Iterator[tuple[Path, str]]:
 
 
 def _system_libraries() -> Iterator[tuple[Path, str]]:
-    """System libraries whose name does not already say that they are too old, newest first."""
+    """System libraries, newest first by their names."""
     found: dict[Path, int] = {}
     for folder in _SYSTEM_FOLDERS:
         for path in Path("/").glob(folder.lstrip("/") + "/libLLVM*"):
