@@ -1,0 +1,102 @@
+"""What commands print: results on stdout, as text or as one JSON object; logs and progress bars on stderr."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.progress import Progress
+
+_UNWRAPPED = 1000  # columns, more than any line of a table needs
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+_running: Progress | None = None  # one bar display a process: nested tasks share it, rich allows no second
+
+
+def print_json(value: Mapping[str, Any]) -> None:
+    """Print one JSON object on stdout; see `to_json` for the types it takes."""
+    print(json.dumps(to_json(value), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def to_json(value: Any) -> Any:
+    """`value` as JSON types: dataclasses become objects, arrays lists, paths strings, NaN and infinity null."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+    elif hasattr(value, "tolist"):  # numpy arrays and scalars, recognised without importing numpy
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): to_json(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [to_json(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def print_rich(renderable: RenderableType) -> None:
+    """Print a rich table or text on stdout: fitted to a terminal, unwrapped and without colours to a file or pipe."""
+    from rich.console import Console
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else _UNWRAPPED)
+    with console.capture() as text:  # rich ends the process by itself on a broken pipe; print() lets main() do it
+        console.print(renderable)
+    for line in text.get().splitlines():
+        print(line.rstrip())
+
+
+def log(message: str) -> None:
+    """Print one line on stderr, above a running progress bar."""
+    if _running is None:
+        print(message, file=sys.stderr)
+    else:
+        _running.console.print(message, markup=False, highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def progress(total: float | None, description: str) -> Iterator[Callable[[float], None]]:
+    """A progress bar on stderr where that is a terminal, and nothing elsewhere; yields the callback `advance(n)`.
+
+    `total` is in the units of n, None where it is not known. Calls may be nested; the bar is gone when the block ends.
+    """
+    global _running
+    if not sys.stderr.isatty():
+        yield _ignore
+        return
+    outermost = _running is None
+    if _running is None:
+        _running = _new_display()
+        _running.start()
+    display = _running
+    task = display.add_task(description, total=total)
+    try:
+        yield lambda n: display.advance(task, n)
+    finally:
+        display.remove_task(task)
+        if outermost:
+            display.stop()
+            _running = None
+
+
+def _ignore(n: float) -> None:
+    """`advance` where nobody watches."""
+
+
+def _new_display() -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    return Progress(TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(),
+                    TimeRemainingColumn(), console=Console(stderr=True), transient=True)
