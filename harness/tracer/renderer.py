@@ -1,0 +1,163 @@
+"""The tracer's renderer: a scene and a strategy become batches, through the ping-pong shader."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from harness.errors import HarnessError
+from harness.estimate import Batch
+from harness.files import data_dir
+from harness.scene.model import Scene
+from harness.tracer.codegen import STRATEGIES, scene_chunk
+from harness.tracer.context import Program, context, describe_gl
+from harness.tracer.source import ShaderSource, assemble
+
+# Past about 65,535 iterations of all loops of one invocation llvmpipe leaves the loop without an error and the
+# result is wrong; half of that leaves room for every loop the driver may add.
+MAX_ITERATIONS = 32_768
+# More samples in a pass than this gain nothing measurable; fewer cost launch overhead and idle lanes.
+MAX_SAMPLES_PER_PASS = 64
+# A float32 sum of this many samples is exact to 1e-5 or better; then it is flushed to float64.
+FLUSH_SAMPLES = 1024
+# One draw should take no longer: desktop drivers reset a device that is busy for about two seconds.
+DRAW_SECONDS = 0.25
+# Pixel-samples of the first draw, before anything is known about the device: 64² pixels of 16 samples.
+FIRST_DRAW = 64 * 64 * 16
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """Whether a strategy reaches all light of a scene; `warning` says what it misses."""
+
+    name: str
+    suits: bool
+    warning: str = ""
+
+
+def check_strategy(scene: Scene, name: str) -> Strategy:
+    """Judge a strategy for a scene. Raises HarnessError for an unknown name."""
+    if name not in STRATEGIES:
+        raise HarnessError(f"unknown strategy '{name}'; choose from {', '.join(STRATEGIES)}")
+    if name == "phong" and any(max(shape.material.kd) > 0 for shape in scene.shapes):
+        return Strategy(name, False, "lobe-only sampling never draws most directions of a diffuse term (kd > 0): "
+                                     "it is biased and its variance is enormous")
+    return Strategy(name, True)
+
+
+def suitable_strategies(scene: Scene) -> tuple[str, ...]:
+    """The strategies that reach all light of the scene, in canonical order."""
+    return tuple(name for name in STRATEGIES if check_strategy(scene, name).suits)
+
+
+def tracer_source(scene: Scene, strategy: str) -> ShaderSource:
+    """The self-contained shader for one scene and strategy."""
+    check_strategy(scene, strategy)
+    return assemble("path_tracer.frag", data_dir("glsl"), generated={"scene.glsl": scene_chunk(scene, strategy)})
+
+
+class TracerRenderer:
+    """Renders batches of one scene with one strategy; holds the GL program and the two ping-pong textures.
+
+    Bitwise reproducible: a batch depends on scene, strategy, replica and sample range, never on tiles, passes or
+    threads.
+    """
+
+    def __init__(self, scene: Scene, strategy: str, source: ShaderSource | None = None) -> None:
+        """Compile; `source` replaces the shader (an own shader under test, a mutant). Raises ShaderError."""
+        self.scene = scene
+        self.strategy = check_strategy(scene, strategy)
+        self.source = source or tracer_source(scene, strategy)
+        self._program = Program(self.source)
+        self._size = (scene.width, scene.height)
+        gl = context()
+        self._textures = [gl.texture(self._size, 4, dtype="f4") for _ in range(2)]
+        for texture in self._textures:
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._framebuffers = [gl.framebuffer([texture]) for texture in self._textures]
+        self._max_samples = max(1, min(MAX_SAMPLES_PER_PASS, MAX_ITERATIONS // scene.max_depth))
+        self._draw_work = FIRST_DRAW
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """What a batch depends on besides replica and sample range, for the store."""
+        return {
+            "renderer": "glsl",
+            "scene": self.scene.content_hash,
+            "strategy": self.strategy.name,
+            "shader": hashlib.sha256(self.source.text.encode()).hexdigest()[:16],
+            **describe_gl(),
+        }
+
+    def render_batch(self, replica: int, start: int, count: int,
+                     advance: Callable[[int], None] | None = None) -> Batch:
+        """Samples start … start+count-1 of one replica; `advance(n)` is told of every n samples per pixel done."""
+        if count < 1 or start < 0 or replica < 0:
+            raise HarnessError(f"samples must be a positive number from a start of 0 or more, found {count} from "
+                               f"{start} of replica {replica}")
+        began = time.process_time()
+        total = np.zeros((self.scene.height, self.scene.width, 4))
+        for first in range(start, start + count, FLUSH_SAMPLES):
+            samples = min(FLUSH_SAMPLES, start + count - first)
+            total += self._accumulate(replica, first, samples, advance)
+        finite = total[..., 3:]
+        mean = np.divide(total[..., :3], finite, out=np.zeros_like(total[..., :3]), where=finite > 0)
+        rejected = count * self.scene.width * self.scene.height - int(finite.sum())
+        return Batch(mean.astype(np.float32), count, rejected, time.process_time() - began)
+
+    def release(self) -> None:
+        """Free the GL objects; the renderer must not be used afterwards."""
+        for resource in (self._program, *self._framebuffers, *self._textures):
+            resource.release()
+
+    def _accumulate(self, replica: int, first: int, samples: int, advance: Callable[[int], None] | None) -> np.ndarray:
+        """One ping-pong accumulation from zero, (H, W, 4) float64, row 0 at the top."""
+        gl = context()
+        source, target = 0, 1
+        done = 0
+        numpass = 0
+        while done < samples:
+            height = min(self.scene.height, 64)  # bands any lower would starve the rasteriser's threads
+            fitting = self._draw_work // (self.scene.width * height)
+            count = max(1, min(self._max_samples, samples - done, fitting))
+            self._textures[source].use(0)
+            self._framebuffers[target].use()
+            self._program.set({
+                "pingpong0": 0, "numpass": numpass, "samples_per_pass": count, "replica": replica,
+                # The shader adds numpass * samples_per_pass; passes may differ in size, so it is taken off here.
+                "first_sample": (first + done - numpass * count) % 2**32,
+            })
+            for bottom, rows in self._bands(count):
+                gl.scissor = (0, bottom, self.scene.width, rows)
+                self._timed_draw(gl, rows * self.scene.width * count)
+            gl.scissor = None
+            source, target = target, source
+            done += count
+            numpass += 1
+            if advance:
+                advance(count)
+        data = np.frombuffer(self._textures[source].read(), dtype=np.float32)
+        return data.reshape(self.scene.height, self.scene.width, 4)[::-1].astype(np.float64)
+
+    def _bands(self, samples: int) -> Iterator[tuple[int, int]]:
+        """Horizontal bands (bottom row, rows) of at most `_draw_work` pixel-samples, as it stands at each band."""
+        bottom = 0
+        while bottom < self.scene.height:
+            rows = max(1, min(self.scene.height - bottom, self._draw_work // (self.scene.width * samples)))
+            yield bottom, rows
+            bottom += rows
+
+    def _timed_draw(self, gl: moderngl.Context, work: int) -> None:
+        began = time.perf_counter()
+        self._program.draw()
+        gl.finish()
+        seconds = time.perf_counter() - began
+        if seconds > DRAW_SECONDS:
+            self._draw_work = max(1, work // 2)
+        elif seconds < DRAW_SECONDS / 4 and work * 4 > self._draw_work:
+            self._draw_work = work * 4

@@ -1,0 +1,82 @@
+"""GLSL source assembly: #include with numbered #line directives, and compiler messages mapped back to our files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.errors import ShaderError
+
+# Gratin's version, and old enough for every desktop driver that can run the tracer.
+GLSL_VERSION = "#version 420 core"
+
+_INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"\s*(?://.*)?$')
+# Mesa `S:line(col): error: text`; Intel, AMD and Apple `ERROR: S:line: text`; NVIDIA `S(line) : error C0000: text`.
+_MESSAGES = (
+    re.compile(r"^(?P<file>\d+):(?P<line>\d+)\(\d+\): error: (?P<text>.*)$", re.MULTILINE),
+    re.compile(r"^ERROR: (?P<file>\d+):(?P<line>\d+): (?P<text>.*)$", re.MULTILINE),
+    re.compile(r"^(?P<file>\d+)\((?P<line>\d+)\) : error \w+: (?P<text>.*)$", re.MULTILINE),
+)
+
+
+@dataclass(frozen=True)
+class ShaderSource:
+    """One self-contained GLSL text and the files it came from; `#line n S` in it means line n of `files[S]`."""
+
+    text: str
+    files: tuple[tuple[str, str], ...]  # (name, content), indexed by source-string number
+
+    def explain(self, log: str, line_offset: int = 0) -> ShaderError:
+        """The first error of a compiler log as a ShaderError that names our file and line and shows the line.
+
+        `line_offset` is what the driver adds to the numbers that `#line` sets: 0 by the GLSL standard since 3.30,
+        1 on Mesa.
+        """
+        for pattern in _MESSAGES:
+            if (found := pattern.search(log)) and int(found["file"]) < len(self.files):
+                name, content = self.files[int(found["file"])]
+                number = int(found["line"]) - line_offset
+                lines = content.splitlines()
+                shown = lines[number - 1].strip() if 1 <= number <= len(lines) else ""
+                return ShaderError(f"{name}:{number}: {found['text'].strip()}; in the line `{shown}`")
+        return ShaderError(f"{self.files[0][0]}: {' '.join(log.split())}")
+
+
+def assemble(main: str, root: Path, generated: Mapping[str, str] | None = None,
+             defines: Mapping[str, object] | None = None) -> ShaderSource:
+    """Join `main` (a file name under `root`, or a name in `generated`) with all it includes, each file once.
+
+    `generated` maps include names to texts that exist only in memory; they win over files of the same name.
+    Raises ShaderError, with file and line, for an include that does not exist.
+    """
+    generated = generated or {}
+    files: list[tuple[str, str]] = []
+    numbers: dict[str, int] = {}
+    header = [GLSL_VERSION, *(f"#define {name} {value}" for name, value in (defines or {}).items())]
+
+    def read(name: str, included_at: str) -> str:
+        if name in generated:
+            return generated[name]
+        try:
+            return (root / name).read_text(encoding="utf-8")
+        except OSError:
+            raise ShaderError(f'{included_at}: no such shader file "{name}"; includes are looked up in {root}') from None
+
+    def expand(name: str, included_at: str) -> list[str]:
+        numbers[name] = len(files)
+        content = read(name, included_at)
+        files.append((name, content))
+        output = [f"#line 1 {numbers[name]} // {name}"]
+        for line, text in enumerate(content.splitlines(), start=1):
+            if not (found := _INCLUDE.match(text)):
+                output.append(text)
+            elif found[1] in numbers:
+                output.append("")
+            else:
+                output += [*expand(found[1], f"{name}:{line}"), f"#line {line + 1} {numbers[name]} // {name}"]
+        return output
+
+    text = "\n".join([*header, *expand(main, main)]) + "\n"
+    return ShaderSource(text, tuple(files))
