@@ -58,11 +58,8 @@ def print_rich(renderable: RenderableType) -> None:
 
 
 def log(message: str) -> None:
-    """Print one line on stderr, above a running progress bar."""
-    if _running is None:
-        print(message, file=sys.stderr)
-    else:
-        _running.console.print(message, markup=False, highlight=False, soft_wrap=True)
+    """Print one line on stderr; a running progress bar moves down for it."""
+    print(message, file=sys.stderr)
 
 
 @contextmanager
@@ -99,4 +96,5 @@ def _new_display() -> Progress:
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     return Progress(TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(),
-                    TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+                    TimeRemainingColumn(), console=Console(stderr=True), transient=True,
+                    redirect_stdout=False)  # results stay on stdout, whatever stderr is

@@ -1,0 +1,32 @@
+# Every target sets the machine up first; on a machine that is set up this takes a moment.
+PROFILE ?= quick
+PYTHON ?= python3
+
+.DEFAULT_GOAL := help
+.PHONY: help setup report test bench doctor lint clean
+
+help:  ## Show this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' Makefile
+
+setup:  ## Make .venv, with every package at its locked version, and check the native libraries
+	@$(PYTHON) -I harness/bootstrap.py
+
+report: setup  ## Render, measure and set reports/out/report.pdf; PROFILE=quick (default) or full
+	.venv/bin/harness report --profile $(PROFILE)
+
+test: setup  ## Run every unit test and every tolerance gate
+	.venv/bin/pytest
+
+bench: setup  ## Compare the speed of the GLSL tracer and Mitsuba in one run
+	.venv/bin/harness bench
+
+doctor: setup  ## Show what this machine has and lacks
+	.venv/bin/harness doctor
+
+lint: setup  ## Run the linter and the type checker
+	.venv/bin/ruff check
+	.venv/bin/mypy
+
+clean:  ## Remove .venv, caches and everything under reports/out
+	rm -rf .venv reports/out .pytest_cache .ruff_cache .mypy_cache
+	find harness tests -name __pycache__ -prune -exec rm -rf {} +
