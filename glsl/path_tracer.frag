@@ -20,8 +20,6 @@ void main()
     ivec2 size = textureSize(pingpong0, 0);
     uvec2 pixel = uvec2(texcoord * vec2(size));
     uint first = first_sample + uint(numpass) * uint(samples_per_pass);
-    vec4 sum = trace_samples(pixel, vec2(size), replica, first, samples_per_pass);
-    if (numpass > 0)
-        sum += texelFetch(pingpong0, ivec2(pixel), 0);
-    accumulated = sum;
+    vec4 sum = numpass > 0 ? texelFetch(pingpong0, ivec2(pixel), 0) : vec4(0.0);
+    accumulated = trace_samples(sum, pixel, vec2(size), replica, first, samples_per_pass);
 }

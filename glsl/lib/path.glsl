@@ -23,15 +23,15 @@ bool is_finite(vec3 v)
     return all(notEqual(floatBitsToUint(v) & 0x7f800000u, uvec3(0x7f800000u)));
 }
 
-// Samples first … first+samples-1 of one pixel: rgb is the sum of radiance, alpha the number of samples in it.
-// A sample that is not finite is left out of both, so alpha tells how many there were.
+// Adds samples first … first+samples-1 of one pixel to `sum`: rgb is the sum of radiance, alpha the number of samples
+// in it. A sample that is not finite is left out of both, so alpha tells how many there were. Adding to the sum so
+// far, one sample after another, gives the same bits however the samples are divided into passes.
 //
 // One flat loop: a lane whose path ends starts its next sample at once, so lanes that run in lockstep do not wait
 // for the longest path of each sample. MAX_DEPTH vertices at most per path bound the loop.
-vec4 trace_samples(uvec2 pixel, vec2 size, uint replica, uint first, int samples)
+vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, int samples)
 {
     uvec2 stream = pixel_stream(pixel, replica);
-    vec4 sum = vec4(0.0);
     vec3 o, d, radiance, throughput;
     float reach;
     int vertex = 0;      // of the current path; 0 means that a new one is due
