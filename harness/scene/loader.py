@@ -140,7 +140,8 @@ def _sphere(node: Node, matrix: np.ndarray, flip: bool) -> tuple[np.ndarray, boo
     _refuse_unless_similarity(node, matrix, plane_only=False)
     local = np.diag([radius, radius, radius, 1.0])
     local[:3, 3] = center
-    return matrix @ local, flip
+    # A mirrored sphere is turned inside out in Mitsuba (Sphere::update), unlike every other mirrored shape.
+    return matrix @ local, flip ^ bool(np.linalg.det(matrix[:3, :3]) < 0)
 
 
 def _refuse_unless_similarity(node: Node, matrix: np.ndarray, *, plane_only: bool) -> None:
