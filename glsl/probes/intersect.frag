@@ -1,0 +1,25 @@
+// Where a ray meets the scene. In: input0 = origin, reach; input1 = direction. Out: output0 = unit normal, distance
+// (NO_HIT where it escapes); output1 = emission towards the ray's origin, shape id (-1 where it escapes).
+#include "scene.glsl"
+
+uniform sampler2D input0;
+uniform sampler2D input1;
+
+layout(location = 0) out vec4 output0;
+layout(location = 1) out vec4 output1;
+
+void main()
+{
+    ivec2 row = ivec2(gl_FragCoord.xy);
+    vec4 origin = texelFetch(input0, row, 0);
+    vec3 d = texelFetch(input1, row, 0).xyz;
+    int id;
+    float t = intersect_scene(origin.xyz, d, origin.w, id);
+    vec3 n = id < 0 ? vec3(0.0) : surface_normal(id, origin.xyz + t * d);
+    output0 = vec4(n, t);
+    output1 = vec4(vec3(0.0), float(id));
+#if HAS_EMISSION
+    if (dot(n, d) < 0.0)
+        output1.rgb = emission(id);
+#endif
+}
