@@ -124,7 +124,10 @@ def make_environment(interpreter):
         apt_install(["python%d.%d-venv" % version], "Python's venv module is missing")
     say("making .venv with Python %d.%d" % version)
     shutil.rmtree(VENV, ignore_errors=True)
-    run([interpreter, "-I", "-m", "venv", VENV], "the environment .venv could not be made")
+    made = subprocess.run([interpreter, "-I", "-m", "venv", VENV], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    if made.returncode != 0:
+        reason = made.stdout.decode(errors="replace").strip().splitlines()[-1:]
+        raise SetupError("the environment .venv could not be made: " + "".join(reason))
 
 
 def install_packages():
@@ -132,7 +135,7 @@ def install_packages():
     needed = ["--require-hashes", "-r", LOCK]
     with_uv = install_uv() and subprocess.call(uv() + needed, env=uv_environment()) == 0
     if not with_uv:
-        run(pip() + needed, "packages could not be installed; mend the line above and repeat `make setup`")
+        run(pip() + needed, "packages could not be installed, as pip says above; check the network and repeat `make setup`")
     # The lock holds the build backend, so nothing is fetched here.
     run([*pip(), "--no-deps", "--no-build-isolation", "--no-index", "--editable", ROOT],
         "this project could not be installed into .venv")
