@@ -6,6 +6,7 @@ when the machine lacks something that cannot be installed without a question, wi
 """
 
 import contextlib
+import ctypes
 import hashlib
 import json
 import os
@@ -27,6 +28,8 @@ OLDEST, NEWEST = (3, 11), (3, 13)
 EXIT_MACHINE = 3
 # pip reads these from its own configuration, uv does not: then pip does the work.
 PIP_ONLY_SETTINGS = r"(index-url|extra-index-url|no-index|proxy|trusted-host|client-cert)="
+# As the checks of harness/doctor.py say.
+NATIVE_LIBRARIES = (("libatomic.so.1", ("libatomic1",)), ("libEGL.so.1", ("libegl1", "libgl1-mesa-dri")))
 
 
 class SetupError(Exception):
@@ -121,7 +124,7 @@ def make_environment(interpreter):
         raise SetupError("%s does not run" % interpreter)
     has_venv = [interpreter, "-I", "-c", "import venv, ensurepip"]
     if subprocess.call(has_venv, stderr=subprocess.DEVNULL) != 0:
-        apt_install(["python%d.%d-venv" % version], "Python's venv module is missing")
+        apt_install(["python%d.%d-venv" % version, *absent_libraries()], "Python's venv module is missing")
     say("making .venv with Python %d.%d" % version)
     shutil.rmtree(VENV, ignore_errors=True)
     made = subprocess.run([interpreter, "-I", "-m", "venv", VENV], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
@@ -130,12 +133,24 @@ def make_environment(interpreter):
         raise SetupError("the environment .venv could not be made: " + "".join(reason))
 
 
+def absent_libraries():
+    """Debian packages of libraries that are certainly absent: `doctor` would ask for them later, one line is kinder."""
+    absent = []
+    for library, packages in NATIVE_LIBRARIES:
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            absent.extend(packages)
+    return absent
+
+
 def install_packages():
     say("installing the packages of requirements.lock (about 0.9 GB on disk)")
     needed = ["--require-hashes", "-r", LOCK]
     with_uv = install_uv() and subprocess.call(uv() + needed, env=uv_environment()) == 0
     if not with_uv:
-        run(pip() + needed, "packages could not be installed, as pip says above; check the network and repeat `make setup`")
+        run(pip() + needed,
+            "packages could not be installed, as pip says above; check the network and repeat `make setup`")
     # The lock holds the build backend, so nothing is fetched here.
     run([*pip(), "--no-deps", "--no-build-isolation", "--no-index", "--editable", ROOT],
         "this project could not be installed into .venv")
@@ -197,8 +212,8 @@ def apt_install(packages, reason):
     """Install Debian packages where that needs no question; else SetupError with the line to type."""
     line = "apt-get install -y --no-install-recommends " + " ".join(packages)
     if os.geteuid() != 0 or shutil.which("apt-get") is None:
-        prefix = "sudo " if shutil.which("sudo") and os.geteuid() != 0 else ""
-        raise SetupError("%s; type\n    %s%s\nand then `make setup` again" % (reason, prefix, line))
+        prefix = "sudo " if shutil.which("sudo") else ""
+        raise SetupError("%s; type as root\n    %s%s\nand then `make setup` again" % (reason, prefix, line))
     say("%s: installing %s" % (reason, " ".join(packages)))
     environment = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
     if subprocess.call(line.split(), env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) == 0:
