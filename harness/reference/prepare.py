@@ -1,0 +1,58 @@
+"""From a `Scene` to the Mitsuba scene of the very same file, with the film and sampler that a comparison needs."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from harness.errors import HarnessError, SceneError
+from harness.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
+from harness.reference.plugins import register_plugins
+from harness.scene import Scene, load_scene, parse
+
+
+def instantiate(scene: Scene) -> Any:
+    """The `mi.Scene` of `scene`'s file: box filter, float32 RGB film of the scene's size, independent sampler.
+
+    The file is parsed again by Mitsuba's parser. Only the sensor's film and sampler are replaced, so nothing that the
+    harness adds to a file (a film's `exposure`) reaches Mitsuba.
+
+    Raises HarnessError when the scene has no file; SceneError when its file has changed, or was not where the scene
+    came from, and when Mitsuba refuses it.
+    """
+    if scene.path is None:
+        raise HarnessError(f"scene '{scene.name}' has no file, so Mitsuba cannot render it; write it to an .xml file "
+                           "and load it with harness.load_scene")
+    _check_unchanged(scene)
+    mi = use_reference_variant()
+    register_plugins()
+    state = parse(scene.path)
+    for node in state.nodes:
+        if node.type == mi.ObjectType.Sensor:
+            _equip(mi, node.props, scene)
+    config = mi.parser.ParserConfig(REFERENCE_VARIANT)
+    try:
+        mi.parser.transform_all(config, state)
+        return mi.parser.instantiate(config, state)
+    except Exception as error:  # Mitsuba raises bare RuntimeError, whose last line holds a Python plugin's message
+        raise SceneError(f"{scene.path}: Mitsuba refuses the scene: {str(error).strip().splitlines()[-1]}") from None
+
+
+def _equip(mi: Any, sensor: Any, scene: Scene) -> None:
+    """Give the sensor's properties a film and a sampler in place of what the file nests in it."""
+    for key in list(sensor.keys()):
+        if isinstance(sensor[key], mi.Properties.Reference | mi.Properties.ResolvedReference):
+            del sensor[key]
+    # Mitsuba's defaults are a Gaussian filter, which correlates pixels, and a film of halves.
+    sensor["film"] = mi.load_dict({
+        "type": "hdrfilm", "width": scene.width, "height": scene.height, "pixel_format": "rgb",
+        "component_format": "float32", "rfilter": {"type": "box"}})
+    sensor["sampler"] = mi.load_dict({"type": "independent"})
+
+
+def _check_unchanged(scene: Scene) -> None:
+    """Only the film's size and the depth may differ from the file; all else Mitsuba takes from there."""
+    assert scene.path is not None
+    on_disk = load_scene(scene.path, width=scene.width, height=scene.height)
+    if dataclasses.replace(on_disk, max_depth=scene.max_depth).content_hash != scene.content_hash:
+        raise SceneError(f"{scene.path}: the file no longer holds the scene that was loaded from it; load it again")

@@ -1,0 +1,137 @@
+"""The reference renderer: batches of a scene rendered by Mitsuba 3, averaged in float64."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Iterable
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.errors import HarnessError
+from harness.estimate import Batch
+from harness.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
+from harness.reference.prepare import instantiate
+from harness.scene import Scene
+
+INTEGRATORS = ("path", "bsdf_path")
+
+# Mitsuba's film adds up one call in float32: at 256 samples a pixel that is off by about 1e-5, at 2^14 by 1.6e-4.
+MAX_SPP_PER_CALL = 256
+# Samples (pixels x spp) in one uninterruptible call: about three seconds on two cores, so that Ctrl-C and progress
+# bars stay alive. Memory sets no limit (a call is one fused kernel, below 10 bytes a sample); 2^32 samples crash.
+MAX_SAMPLES_PER_CALL = 1 << 24
+# Seeds have 32 bits: 10 for the replica, 22 for the first sample, so that no two calls of a scene share one.
+REPLICA_BITS, START_BITS = 10, 22
+# Never reached by a path of bounded depth, so Russian roulette stays off.
+RR_DEPTH_OFF = 1 << 20
+
+
+class ReferenceRenderer:
+    """Renders batches of one scene with Mitsuba; holds the instantiated scene.
+
+    A batch depends on scene, integrator, replica and sample range only; a range gives the same samples whether it is
+    rendered in one batch or in several whose borders are multiples of `samples_per_call`.
+    """
+
+    def __init__(self, scene: Scene, integrator: str = "path") -> None:
+        """Instantiate the scene's file. `integrator`: Mitsuba's `path`, or `bsdf_path` without light sampling.
+
+        Raises HarnessError for an unknown integrator, and whatever `instantiate` raises.
+        """
+        if integrator not in INTEGRATORS:
+            raise HarnessError(f"unknown integrator '{integrator}'; allowed: {', '.join(INTEGRATORS)}")
+        self.scene = scene
+        self.integrator = integrator
+        self.samples_per_call = max(1, min(MAX_SPP_PER_CALL, MAX_SAMPLES_PER_CALL // (scene.width * scene.height)))
+        self._mitsuba_scene = instantiate(scene)
+        options = {"rr_depth": RR_DEPTH_OFF} if integrator == "path" else {}
+        mi = use_reference_variant()
+        self._integrator = mi.load_dict({"type": integrator, "max_depth": scene.max_depth, **options})
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """What a batch depends on besides replica and sample range, for the store."""
+        return {
+            "renderer": "mitsuba",
+            "scene": self.scene.content_hash,
+            "integrator": self.integrator,
+            "mitsuba": metadata.version("mitsuba"),
+            "drjit": metadata.version("drjit"),
+            "variant": REFERENCE_VARIANT,
+            "plugins": _source_hash(),
+        }
+
+    def render_batch(self, replica: int, start: int, count: int,
+                     advance: Callable[[int], None] | None = None) -> Batch:
+        """Samples start … start+count-1 of one replica; `advance(n)` is told of every n samples per pixel done.
+
+        A call's pixel that is not finite is left out of the mean, its samples counted as rejected. (A path whose
+        throughput becomes NaN ends inside Mitsuba without contribution, and cannot be counted.)
+
+        Raises HarnessError for a range outside what seeds can tell apart.
+        """
+        _check_range(replica, start, count)
+        use_reference_variant()
+        began = time.process_time()
+        mean, rejected = average(self._calls(replica, start, count, advance))
+        return Batch(mean.astype(np.float32), count, rejected, time.process_time() - began)
+
+    def _calls(self, replica: int, start: int, count: int,
+               advance: Callable[[int], None] | None) -> Iterable[tuple[np.ndarray, int]]:
+        """Mitsuba's images of the range's pieces, (H, W, 3) float32, each with its samples per pixel."""
+        sensor = self._mitsuba_scene.sensors()[0]
+        for first in range(start, start + count, self.samples_per_call):
+            spp = min(self.samples_per_call, start + count - first)
+            image: Any = self._integrator.render(self._mitsuba_scene, sensor, seed=call_seed(replica, first), spp=spp)
+            yield np.array(image), spp  # the copy waits for Mitsuba to finish
+            if advance is not None:
+                advance(spp)
+
+
+def average(calls: Iterable[tuple[np.ndarray, int]]) -> tuple[np.ndarray, int]:
+    """Mean of images (H, W, 3) weighted by samples, float64, and the number of samples left out as not finite.
+
+    A pixel that is not finite in one image is left out of that image; it is 0 where it is finite in none.
+    """
+    total: Any = 0.0
+    weight: Any = 0
+    rejected = 0
+    for image, spp in calls:
+        finite = np.isfinite(image).all(axis=-1, keepdims=True)
+        total = total + np.where(finite, image, 0).astype(np.float64) * spp
+        weight = weight + finite * spp
+        rejected += int((~finite).sum()) * spp
+    return total / np.maximum(weight, 1), rejected
+
+
+def call_seed(replica: int, first: int) -> int:
+    """The 32-bit seed of the call whose first sample is `first`: a bijection, so distinct calls never share streams.
+
+    Mitsuba hashes the seed with the pixel's index (TEA); mixing it here too keeps neighbours apart in any case.
+    The mixer is the finalizer of MurmurHash3 (Appleby 2011), each step of which can be undone.
+    """
+    seed = (replica << START_BITS) + first + 1 & 0xFFFFFFFF
+    for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35)):
+        seed ^= seed >> shift
+        seed = seed * factor & 0xFFFFFFFF
+    return seed ^ seed >> 16
+
+
+def _check_range(replica: int, start: int, count: int) -> None:
+    if not 0 <= replica < 1 << REPLICA_BITS:
+        raise HarnessError(f"replica is {replica}; the reference has replicas 0 to {(1 << REPLICA_BITS) - 1}")
+    if count < 1 or start < 0 or start + count > 1 << START_BITS:
+        raise HarnessError(f"samples {start} to {start + count - 1} of a replica are out of range; allowed: at least "
+                           f"one, from 0 to {(1 << START_BITS) - 1} (take another replica for more)")
+
+
+def _source_hash() -> str:
+    """16 hexadecimal digits over this package's code: what is rendered, and how, is decided there."""
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
