@@ -115,17 +115,16 @@ def check_llvm() -> Check:
     try:
         return Check("LLVM", True, str(find_llvm()))
     except MachineError as error:
-        detail, _, mend = str(error).rpartition("; ")
-        return Check("LLVM", False, detail, mend=mend)
+        detail, _, mend = str(error).partition("; ")
+        return Check("LLVM", False, detail, mend=mend, apt=_apt_for(detail))
 
 
 def check_mitsuba() -> Check:
     """Mitsuba's LLVM variant compiles and renders an image whose value is known."""
     answer = _probe(_MITSUBA_PROBE)
     if isinstance(answer, str):
-        if "libatomic" in answer:
-            return Check("Mitsuba", False, answer, mend="apt-get install libatomic1", apt=("libatomic1",))
-        return Check("Mitsuba", False, answer, mend="make setup, then mend LLVM as said above")
+        detail, _, mend = answer.partition("; ")
+        return Check("Mitsuba", False, detail, mend=mend or "make setup", apt=_apt_for(detail))
     version, value = answer
     return Check("Mitsuba", value == 1.0, f"{version}, llvm_ad_rgb renders {value:g} where 1 is right",
                  mend="make setup")
@@ -164,6 +163,10 @@ def memory_limit() -> int:
         except (OSError, ValueError):  # absent, or "max"
             continue
     return limit
+
+
+def _apt_for(failure: str) -> tuple[str, ...]:
+    return ("libatomic1",) if "libatomic" in failure else ()
 
 
 def _metadata() -> metadata.PackageMetadata:

@@ -51,17 +51,19 @@ def find_llvm() -> LLVM:
     chosen = os.environ.get(LLVM_VARIABLE)
     if chosen:
         return _users_llvm(Path(chosen))
-    too_old: list[str] = []
+    unusable: list[str] = []
     for path, origin in [*_wheel_libraries(), *_system_libraries()]:
         try:
             version = llvm_version(path)
-        except OSError:
+        except OSError as error:
+            if "libatomic" in str(error):  # the wheel's LLVM needs it, as drjit does
+                raise MachineError(_explain(error)) from None
+            unusable.append(f"{path} ({error})")
             continue
-        if version is None or version[0] < OLDEST_LLVM:
-            too_old.append(str(path))
-        else:
+        if version and version[0] >= OLDEST_LLVM:
             return LLVM(path, version, origin)
-    found = f"only older ones: {', '.join(too_old)}" if too_old else "none"
+        unusable.append(f"{path} (too old)")
+    found = f"only {', '.join(unusable)}" if unusable else "none"
     raise MachineError(f"drjit needs LLVM {OLDEST_LLVM} or newer, found {found}; {_LLVM_MEND}")
 
 
@@ -145,11 +147,11 @@ def _system_libraries() -> Iterator[tuple[Path, str]]:
         yield path, "system"
 
 
-def _explain(error: ImportError) -> str:
-    """One line for the ways in which Mitsuba fails to load."""
+def _explain(error: ImportError | OSError) -> str:
+    """One line for the ways in which LLVM and Mitsuba fail to load."""
     reason = str(error).splitlines()[0]
     if "libatomic" in reason:
-        return f"drjit needs libatomic ({reason}); run `apt-get install libatomic1`"
+        return f"drjit and its LLVM need libatomic ({reason}); run `apt-get install libatomic1`"
     if "LLVM" in reason:
         return f"drjit found no usable LLVM; {_LLVM_MEND}"
     return f"Mitsuba cannot be imported ({reason}); run `make setup`"
