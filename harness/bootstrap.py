@@ -192,7 +192,7 @@ def meet_native_needs():
     missing = unmet_needs()
     packages = sorted({package for check in missing for package in check["apt"]})
     if packages:
-        apt_install(packages, "; ".join(check["detail"] for check in missing))
+        apt_install(packages, " and ".join(check["name"] for check in missing) + " cannot work yet")
         missing = unmet_needs()
     if missing:
         raise SetupError("\n".join("%s: %s\n    to mend: %s" % (check["name"], check["detail"], check["mend"])
