@@ -1,0 +1,179 @@
+"""Convergence curves as vector figures: RMSE, mean error and SSIM against samples per pixel, text kept as text."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
+
+from harness.report.formats import MINUS, number
+from harness.report.style import FONT_SIZE, GUIDE_COLOUR, RC, TOLERANCE_COLOUR, strategy_style
+from harness.results import StrategyResult, StudyResult
+from harness.stats.convergence import band
+
+_CM = 1 / 2.54
+WIDTH_CM, HEIGHT_CM = 17.0, 6.4  # the page's text width; the figure is printed at its own size
+
+_MAX_TICKS = 6
+# Merged estimates of several strategies share one number of samples: their error bars stand side by side.
+_DODGE = 1.12
+
+
+def curves_svg(result: StudyResult) -> bytes:
+    """The three convergence panels of one scene as SVG, 17 cm wide, its text in text elements.
+
+    Bands are Student confidence intervals over the replicas, at the confidence of the scene's verdicts; error bars
+    in the middle panel are the verdict's own interval, of the estimate that merges all replicas.
+    """
+    with matplotlib.rc_context({**RC, "svg.hashsalt": result.scene}):
+        figure = Figure(figsize=(WIDTH_CM * _CM, HEIGHT_CM * _CM))
+        FigureCanvasSVG(figure)
+        panels = figure.subplots(1, 3)
+        figure.subplots_adjust(left=0.066, right=0.995, bottom=0.145, top=0.815, wspace=0.36)
+        _rmse_panel(panels[0], result)
+        _mean_error_panel(panels[1], result)
+        _ssim_panel(panels[2], result)
+        figure.legend(handles=_legend_handles(result), loc="upper center", bbox_to_anchor=(0.5, 1.015),
+                      ncols=_legend_columns(result), frameon=False, handlelength=2.2, columnspacing=1.6,
+                      handletextpad=0.5, borderaxespad=0.2)
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def _rmse_panel(axes: Axes, result: StudyResult) -> None:
+    """RMSE on log-log axes over grey diagonals of slope -1/2."""
+    _spp_axis(axes, result)
+    axes.set_yscale("log")
+    _draw_bands(axes, result, lambda strategy: strategy.rmse, log=True)
+    _slope_guides(axes)
+    axes.yaxis.set_major_locator(LogLocator(base=10, numticks=7))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set_title("RMSE, in the scene's radiance unit", loc="left")
+
+
+def _mean_error_panel(axes: Axes, result: StudyResult) -> None:
+    """Signed mean error in percent: linear inside the tolerance, logarithmic outside."""
+    tolerance = 100 * max(strategy.verdict.tolerance for strategy in result.strategies)
+    _spp_axis(axes, result)
+    axes.set_yscale("symlog", linthresh=tolerance, linscale=1.0)
+    axes.axhspan(-tolerance, tolerance, color=TOLERANCE_COLOUR, linewidth=0, zorder=0)
+    axes.axhline(0, color="#888888", linewidth=0.5, zorder=1)
+    _draw_bands(axes, result, lambda strategy: 100 * strategy.mean_error, log=False)
+    middle = (len(result.strategies) - 1) / 2
+    for index, strategy in enumerate(result.strategies):
+        value, low, high = (100 * float(bound[3]) for bound in (
+            strategy.verdict.error, strategy.verdict.low, strategy.verdict.high))
+        style = strategy_style(strategy.strategy)
+        x = max(strategy.estimate.samples, 1) * 1.6 * _DODGE ** (2 * (index - middle))
+        if np.isfinite([low, high]).all():
+            axes.errorbar(x, value, [[max(value - low, 0)], [max(high - value, 0)]], color=style.colour,
+                          marker=style.marker, capsize=1.6, capthick=0.7, elinewidth=0.9, zorder=4)
+    limit = max(abs(bound) for bound in axes.get_ylim())
+    limit = max(limit, 2 * tolerance)
+    axes.set_ylim(-limit, limit)
+    decades = 10.0 ** np.arange(np.ceil(np.log10(tolerance * 1.5)), np.floor(np.log10(limit)) + 1)
+    step = int(np.ceil(len(decades) / 2)) or 1
+    positive = [tolerance, *decades[::-1][::step]]
+    axes.yaxis.set_major_locator(FixedLocator([-p for p in positive] + [0] + positive))
+    axes.yaxis.set_major_formatter(FuncFormatter(_percent_tick))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set_title("Mean error of luminance", loc="left")
+
+
+def _ssim_panel(axes: Axes, result: StudyResult) -> None:
+    """SSIM with 1 - SSIM on a log axis turned upside down: every nine gained is one step up."""
+    _spp_axis(axes, result)
+    axes.set_yscale("log")
+    _draw_bands(axes, result, lambda strategy: 1 - strategy.ssim, log=True)
+    axes.invert_yaxis()
+    low, high = sorted(axes.get_ylim())
+    axes.set_ylim(min(high, 1.5), low)
+    axes.yaxis.set_major_locator(FixedLocator(_ssim_ticks(low, min(high, 1.5))))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{1 - y:.6g}"))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set_title("SSIM (axis: log of 1 − SSIM, best on top)", loc="left")
+
+
+def _draw_bands(axes: Axes, result: StudyResult, values: Callable[[StrategyResult], np.ndarray], *,
+                log: bool) -> None:
+    """One line with its confidence band for each strategy; on log axes what is not positive is left out."""
+    for strategy in result.strategies:
+        style = strategy_style(strategy.strategy)
+        mean, low, high = band(values(strategy), strategy.verdict.confidence, log=log)
+        shown = np.isfinite(mean) & ((mean > 0) if log else True)
+        if not shown.any():
+            continue
+        spp = strategy.spp[shown]
+        banded = np.isfinite(low[shown]) & np.isfinite(high[shown])
+        axes.fill_between(spp[banded], low[shown][banded], high[shown][banded], color=style.colour, alpha=0.18,
+                          linewidth=0, zorder=2)
+        axes.plot(spp, mean[shown], color=style.colour, marker=style.marker, zorder=3, **_line(strategy))
+
+
+def _line(strategy: StrategyResult) -> dict[str, Any]:
+    """Dashed, with hollow markers, where the strategy does not suit the scene."""
+    return {} if strategy.suits else {"linestyle": (0, (3, 2)), "markerfacecolor": "white"}
+
+
+def _spp_axis(axes: Axes, result: StudyResult) -> None:
+    """A logarithmic axis of samples per pixel with a few powers of two written out."""
+    axes.set_xscale("log", base=2)
+    spp = np.concatenate([strategy.spp for strategy in result.strategies])
+    first, last = int(np.floor(np.log2(spp.min()))), int(np.ceil(np.log2(spp.max())))
+    step = max(1, -(-(last - first) // (_MAX_TICKS - 1)))
+    axes.xaxis.set_major_locator(FixedLocator([2.0**k for k in range(first, last + 1, step)]))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: number(x, 0)))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xlabel("samples per pixel", labelpad=2)
+
+
+def _slope_guides(axes: Axes) -> None:
+    """Faint diagonals of slope -1/2, a factor 10^(1/2) apart, over the whole panel."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    x = np.array([left, right])
+    first, last = np.log10(bottom) + 0.5 * np.log10(left), np.log10(top) + 0.5 * np.log10(right)
+    for exponent in np.arange(np.ceil(2 * first) / 2, last, 0.5):
+        axes.plot(x, 10**exponent * x**-0.5, color=GUIDE_COLOUR, linewidth=0.4, zorder=0)
+    axes.set_xlim(left, right)
+    axes.set_ylim(bottom, top)
+
+
+def _ssim_ticks(low: float, high: float) -> list[float]:
+    """Values of 1 - SSIM to label, decades first, with halves and fifths between where few decades are in view."""
+    decades = [10.0**k for k in range(-6, 1) if low <= 10.0**k <= high]
+    if len(decades) >= 3:
+        return decades
+    fine = [m * 10.0**k for k in range(-6, 1) for m in (1, 2, 5)]
+    return [y for y in fine if low <= y <= min(high, 1.0)]
+
+
+def _percent_tick(value: float, _: object = None) -> str:
+    sign = "" if value == 0 else "+" if value > 0 else MINUS
+    return f"{sign}{abs(value):g} %"
+
+
+def _legend_handles(result: StudyResult) -> list[Line2D]:
+    handles = []
+    for strategy in result.strategies:
+        style = strategy_style(strategy.strategy)
+        slope = "no noise" if strategy.slope is None else f"slope {number(strategy.slope.slope, 2)}"
+        remark = "" if strategy.suits else ", not suited"
+        handles.append(Line2D([], [], color=style.colour, marker=style.marker,
+                              label=f"{strategy.strategy} ({slope}{remark})", **_line(strategy)))
+    handles.append(Line2D([], [], color=GUIDE_COLOUR, linewidth=0.8, label=f"slope {MINUS}1/2"))
+    return handles
+
+
+def _legend_columns(result: StudyResult) -> int:
+    """Entries in one line where they fit the width, else two lines."""
+    entries = len(result.strategies) + 1
+    return entries if entries <= 5 else -(-entries // 2)

@@ -1,0 +1,110 @@
+"""Numbers as the report prints them: one place, so that tables, captions and sentences agree."""
+
+from __future__ import annotations
+
+import math
+
+MINUS = "\N{MINUS SIGN}"
+NBSP = "\N{NO-BREAK SPACE}"
+PLUS_MINUS = f"{NBSP}±{NBSP}"
+TIMES = f"{NBSP}×"
+MISSING = "–"
+
+# Below this a percentage has three decimals: a tenth of the gates' tolerance is then still visible.
+_FINE_PERCENT = 2.0
+# From here on a percentage says "wrong" and its decimals say nothing.
+_COARSE_PERCENT = 20.0
+
+
+def number(value: float, decimals: int, *, sign: bool = False) -> str:
+    """`value` with fixed decimals, thousands separated, a true minus sign; a dash where it is not finite."""
+    if not math.isfinite(value):
+        return MISSING
+    text = f"{value:{'+' if sign else ''},.{decimals}f}"
+    return text.replace("-", MINUS)
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """`value` rounded to significant digits without an exponent where that stays short, else as 1.2×10⁻⁵."""
+    if not math.isfinite(value):
+        return MISSING
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if -4 <= exponent < 7:
+        return number(round(value, digits - 1 - exponent), max(0, digits - 1 - exponent))
+    mantissa = number(value / 10.0**exponent, digits - 1)
+    return f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPTS)}"
+
+
+def percent_decimals(size: float) -> int:
+    """Decimals that a percentage of this size (in percent) deserves: three, one or none."""
+    if not math.isfinite(size):
+        return 1
+    return 3 if abs(size) < _FINE_PERCENT else 1 if abs(size) < _COARSE_PERCENT else 0
+
+
+def percent(fraction: float, *, sign: bool = False, unit: bool = True) -> str:
+    """A fraction as a percentage: 0.0003 -> '+0.030 %'."""
+    value = 100.0 * fraction
+    text = number(value, percent_decimals(value), sign=sign)
+    return f"{text}{NBSP}%" if unit and text != MISSING else text
+
+
+def percent_interval(fraction: float, low: float, high: float, *, unit: bool = True) -> str:
+    """A signed fraction and its interval: '+0.031 % ± 0.050 %', or '+3.1 % [+1.0, +9.4] %' where it is lopsided."""
+    value, down, up = 100.0 * fraction, 100.0 * (fraction - low), 100.0 * (high - fraction)
+    suffix = f"{NBSP}%" if unit else ""
+    if not (math.isfinite(down) and math.isfinite(up)):
+        return percent(fraction, sign=True, unit=unit)
+    decimals = min(percent_decimals(value), percent_decimals(max(down, up)))
+    centre = number(value, decimals, sign=True)
+    if abs(up - down) <= 0.1 * (up + down) or up + down < 0.001:
+        return f"{centre}{suffix}{PLUS_MINUS}{number((up + down) / 2, decimals)}{suffix}"
+    return (f"{centre}{suffix}{NBSP}[{number(100 * low, decimals, sign=True)},{NBSP}"
+            f"{number(100 * high, decimals, sign=True)}]{suffix}")
+
+
+def interval(value: float, low: float, high: float, decimals: int) -> str:
+    """A value and its interval with fixed decimals: '−0.500 [−0.512, −0.488]'."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return number(value, decimals)
+    return f"{number(value, decimals)}{NBSP}[{number(low, decimals)},{NBSP}{number(high, decimals)}]"
+
+
+def ratio(value: float, low: float, high: float) -> str:
+    """A positive factor and its interval, to two or three significant digits: '5.1 × [4.4, 5.9]'."""
+    if not math.isfinite(value):
+        return MISSING
+    centre = f"{significant(value, 3 if value >= 10 else 2)}{TIMES}"
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return centre
+    return f"{centre}{NBSP}[{significant(low, 2)},{NBSP}{significant(high, 2)}]"
+
+
+def count(value: float) -> str:
+    """A whole number with thousands separated; a dash where it is not finite."""
+    return number(round(value), 0) if math.isfinite(value) else MISSING
+
+
+def duration(seconds: float) -> str:
+    """Seconds in the unit a reader thinks in: '0.45 ms', '3.20 s', '12.5 min', '2.10 h'."""
+    if not math.isfinite(seconds):
+        return MISSING
+    for limit, scale, unit in ((1e-3, 1e6, "µs"), (1.0, 1e3, "ms"), (120.0, 1.0, "s"), (7200.0, 60.0, "min")):
+        if seconds < limit:
+            return f"{significant(seconds * scale)}{NBSP}{unit}"
+    return f"{significant(seconds / 3600.0)}{NBSP}h"
+
+
+def words(items: list[str]) -> str:
+    """A list in a sentence: 'a', 'a and b', 'a, b and c'."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
+
+
+def plural(n: int, noun: str, nouns: str = "") -> str:
+    """'1 pair', '3 pairs'."""
+    return f"{count(n)}{NBSP}{noun if n == 1 else nouns or noun + 's'}"
+
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -1,0 +1,95 @@
+"""The report's images: display-encoded renders, signed differences and FLIP maps as PNG, with their colour bars."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import matplotlib
+import numpy as np
+from PIL import Image
+
+from harness.metrics import encode_srgb, flip_map, signed_relative_difference
+
+# At 41 mm printed width this is 300 dots per inch; larger images are averaged down by a whole factor.
+MAX_PIXELS = 512
+
+DIFFERENCE_MAP = "RdBu_r"  # diverging, safe with red-green blindness; blue: too dark, red: too bright
+FLIP_MAP = "magma"  # the map of FLIP's authors (Andersson et al. 2020)
+UNDEFINED = np.array([160, 160, 160], dtype=np.uint8)
+
+_BAR_STEPS = 256
+_ROBUST_PERCENTILE = 99.0
+
+
+def shrink_factor(image: np.ndarray) -> int:
+    """The whole factor by which an image (H, W, ...) is averaged down to at most `MAX_PIXELS` a side."""
+    return max(1, -(-max(image.shape[:2]) // MAX_PIXELS))
+
+
+def shrink(image: np.ndarray) -> np.ndarray:
+    """`image` averaged over k × k blocks, k = `shrink_factor`; the odd rows and columns at the end are cropped."""
+    k = shrink_factor(image)
+    if k == 1:
+        return image
+    height, width = image.shape[0] // k, image.shape[1] // k
+    blocks = image[: height * k, : width * k].reshape(height, k, width, k, *image.shape[2:])
+    return np.asarray(blocks.mean((1, 3)))
+
+
+def display_png(image: np.ndarray, exposure: float) -> bytes:
+    """A linear image (H, W, 3) at a fixed exposure (in stops), clipped and sRGB-encoded, as PNG."""
+    return _png(np.rint(255 * encode_srgb(shrink(image), exposure)).astype(np.uint8))
+
+
+def difference_map(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """(H, W) signed relative difference of luminance, averaged down where the image is large."""
+    return signed_relative_difference(shrink(test), shrink(reference))
+
+
+def difference_png(difference: np.ndarray, limit: float) -> bytes:
+    """A signed map (H, W) in a diverging colour map from -limit to +limit; grey where it is not finite."""
+    return _png(_mapped(0.5 + 0.5 * difference / limit, DIFFERENCE_MAP))
+
+
+def perceived_map(test: np.ndarray, reference: np.ndarray, exposure: float) -> np.ndarray:
+    """(H, W) FLIP map at a fixed exposure, averaged down where the image is large."""
+    return np.asarray(shrink(flip_map(test, reference, exposure)))
+
+
+def perceived_png(error: np.ndarray, limit: float) -> bytes:
+    """A FLIP map (H, W) in its colour map from 0 to `limit`."""
+    return _png(_mapped(error / limit, FLIP_MAP))
+
+
+def bar_png(name: str) -> bytes:
+    """A horizontal colour bar, one pixel high, to be stretched where it is used."""
+    return _png(_mapped(np.linspace(0, 1, _BAR_STEPS)[None, :], name))
+
+
+def robust_limit(maps: list[np.ndarray], floor: float) -> float:
+    """The 99th percentile of the absolute values of all maps together, rounded up to 1, 2 or 5 times a power of ten."""
+    values = np.abs(np.concatenate([m[np.isfinite(m)].ravel() for m in maps])) if maps else np.empty(0)
+    limit = float(np.percentile(values, _ROBUST_PERCENTILE)) if values.size else 0.0
+    return round_up(max(limit, floor))
+
+
+def round_up(value: float) -> float:
+    """The next of 1, 2, 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(float(f"{m * power:.3g}") for m in (1, 2, 5, 10) if m * power >= value * (1 - 1e-9))
+
+
+def _mapped(unit: np.ndarray, name: str) -> np.ndarray:
+    """Values in [0, 1] through a colour map to (H, W, 3) uint8; outside saturates, not finite is grey."""
+    finite = np.isfinite(unit)
+    rgba = matplotlib.colormaps[name](np.clip(np.where(finite, unit, 0.0), 0.0, 1.0), bytes=True)
+    rgb = np.ascontiguousarray(rgba[..., :3])
+    rgb[~finite] = UNDEFINED
+    return rgb
+
+
+def _png(rgb: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(rgb).save(buffer, format="PNG", compress_level=6)
+    return buffer.getvalue()

@@ -1,0 +1,68 @@
+"""How the report looks: one colour and one marker for each strategy on every page, and the figures' typography."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# Text stays text in the SVG; the page's typesetter finds the same fonts, which matplotlib brings with it.
+FONT = "STIXGeneral"
+FONT_FALLBACKS = ("Libertinus Serif", "Times New Roman", "DejaVu Sans")
+FONT_SIZE = 8.0  # pt, at the size at which the figure is printed
+
+RC = {
+    "svg.fonttype": "none",
+    "font.family": [FONT, "DejaVu Sans"],
+    "font.size": FONT_SIZE,
+    "axes.titlesize": FONT_SIZE + 0.5,
+    "axes.labelsize": FONT_SIZE,
+    "xtick.labelsize": FONT_SIZE - 0.5,
+    "ytick.labelsize": FONT_SIZE - 0.5,
+    "legend.fontsize": FONT_SIZE,
+    "axes.linewidth": 0.5,
+    "axes.edgecolor": "#444444",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.major.width": 0.5,
+    "ytick.major.width": 0.5,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.minor.size": 0.0,
+    "ytick.minor.size": 0.0,
+    "xtick.color": "#444444",
+    "ytick.color": "#444444",
+    "xtick.labelcolor": "black",
+    "ytick.labelcolor": "black",
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.2,
+    "axes.unicode_minus": True,
+    "path.simplify": True,
+}
+
+GUIDE_COLOUR = "#c8c8c8"
+TOLERANCE_COLOUR = "#e9efe9"
+
+
+@dataclass(frozen=True)
+class Style:
+    """Colour (hexadecimal) and matplotlib marker of one strategy."""
+
+    colour: str
+    marker: str
+
+
+# The palette of Okabe and Ito (2008, "Color Universal Design"), told apart with any common colour blindness;
+# the markers tell the lines apart in greyscale.
+_STYLES = {
+    "uniform": Style("#0072b2", "o"),
+    "cosine": Style("#e69f00", "s"),
+    "phong": Style("#cc79a7", "^"),
+    "lobes": Style("#009e73", "D"),
+    "mixture": Style("#d55e00", "v"),
+}
+_OTHERS = (Style("#56b4e9", "P"), Style("#000000", "X"), Style("#8c8c00", "*"))
+
+
+def strategy_style(strategy: str) -> Style:
+    """The style of a strategy; a strategy this table does not know gets a spare one, always the same."""
+    known = _STYLES.get(strategy)
+    return known if known is not None else _OTHERS[sum(strategy.encode()) % len(_OTHERS)]
