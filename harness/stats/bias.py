@@ -166,6 +166,12 @@ def tile_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_dof: flo
                        (int(peak[0]), int(peak[1])), np.where(np.isnan(detectable), np.inf, detectable))
 
 
+def check_confidence(confidence: float) -> None:
+    """HarnessError unless 0 < confidence < 1."""
+    if not 0 < confidence < 1:
+        raise HarnessError(f"confidence must lie between 0 and 1 (0.95 is 95 %), found {confidence}")
+
+
 def tile_sums(image: np.ndarray, tile: int) -> np.ndarray:
     """Sums over tiles of `tile` x `tile` pixels, (H, W, ...) -> (ceil(H/tile), ceil(W/tile), ...)."""
     rows, columns = (np.arange(0, size, tile) for size in image.shape[:2])
@@ -252,8 +258,7 @@ def _normal_deviate(value: np.ndarray, sigma: np.ndarray, dof: np.ndarray) -> np
 def _check_levels(tolerance: float, confidence: float) -> None:
     if not tolerance >= 0:
         raise HarnessError(f"tolerance must be zero or more (0.002 is 0.2 %), found {tolerance}")
-    if not 0 < confidence < 1:
-        raise HarnessError(f"confidence must lie between 0 and 1 (0.95 is 95 %), found {confidence}")
+    check_confidence(confidence)
 
 
 def _percent(fraction: float) -> str:

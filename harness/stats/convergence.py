@@ -9,7 +9,7 @@ import numpy as np
 from scipy import special
 
 from harness.errors import HarnessError
-from harness.stats.bias import Outcome
+from harness.stats.bias import Outcome, check_confidence
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def spp_to_reach(spp: np.ndarray, rmse: np.ndarray, target: float,
     if (slopes >= 0).any():
         return math.inf, math.inf, math.inf
     mean, half = _mean_and_half_width((math.log(target) - intercepts) / slopes, confidence)
-    return _exp(mean), _exp(mean - half), _exp(mean + half)
+    return _exp(float(mean)), _exp(float(mean - half)), _exp(float(mean + half))
 
 
 def band(values: np.ndarray, confidence: float = 0.95, *,
@@ -99,8 +99,8 @@ def band(values: np.ndarray, confidence: float = 0.95, *,
         values = np.log(np.where((values > 0).all(axis=0), values, np.nan))
     mean, half = _mean_and_half_width(values, confidence)
     half = np.where(np.isinf(half), np.nan, half)
-    curves = mean, mean - half, mean + half
-    return tuple(np.exp(curve) for curve in curves) if geometric else curves  # type: ignore[return-value]
+    low, high = mean - half, mean + half
+    return (np.exp(mean), np.exp(low), np.exp(high)) if geometric else (mean, low, high)
 
 
 def _lines(spp: np.ndarray, rmse: np.ndarray, confidence: float) -> tuple[np.ndarray, np.ndarray, int]:
@@ -111,7 +111,7 @@ def _lines(spp: np.ndarray, rmse: np.ndarray, confidence: float) -> tuple[np.nda
         raise HarnessError(f"expected errors of shape (replicas, {spp.size}), one for each spp; found {rmse.shape}")
     if not (spp > 0).all():
         raise HarnessError(f"samples per pixel must be positive, found {spp.min():g}")
-    _check_confidence(confidence)
+    check_confidence(confidence)
     usable = (np.isfinite(rmse) & (rmse > 0)).all(axis=0)
     points = int(usable.sum())
     if points < 2:
@@ -125,7 +125,7 @@ def _lines(spp: np.ndarray, rmse: np.ndarray, confidence: float) -> tuple[np.nda
 
 def _mean_and_half_width(values: np.ndarray, confidence: float) -> tuple[np.ndarray, np.ndarray]:
     """Mean over the first axis, and half its Student interval; the latter infinite for a single value."""
-    _check_confidence(confidence)
+    check_confidence(confidence)
     count = len(values)
     mean = values.mean(axis=0)
     if count < 2:
@@ -137,8 +137,3 @@ def _mean_and_half_width(values: np.ndarray, confidence: float) -> tuple[np.ndar
 def _exp(value: float) -> float:
     """exp, infinite rather than an error beyond the range of floats."""
     return math.exp(value) if value < math.log(np.finfo(np.float64).max) else math.inf
-
-
-def _check_confidence(confidence: float) -> None:
-    if not 0 < confidence < 1:
-        raise HarnessError(f"confidence must lie between 0 and 1 (0.95 is 95 %), found {confidence}")
