@@ -46,8 +46,10 @@ float hit_disk(vec3 o, vec3 d, vec4 row_x, vec4 row_y, vec4 row_z)
 float hit_cube(vec3 o, vec3 d, vec4 row_x, vec4 row_y, vec4 row_z)
 {
     vec3 origin = vec3(dot(row_x.xyz, o) + row_x.w, dot(row_y.xyz, o) + row_y.w, dot(row_z.xyz, o) + row_z.w);
-    // The addend keeps a ray parallel to a face from dividing by zero: infinity minus infinity would then hit always.
-    vec3 inverse = 1.0 / (vec3(dot(row_x.xyz, d), dot(row_y.xyz, d), dot(row_z.xyz, d)) + 1e-30);
+    // The addend keeps a ray parallel to a face from dividing by zero: infinity minus infinity below would make every
+    // such ray hit. `precise`, or the compiler may move it into the sum of the dot product, where it vanishes.
+    precise vec3 direction = vec3(dot(row_x.xyz, d), dot(row_y.xyz, d), dot(row_z.xyz, d)) + 1e-30;
+    vec3 inverse = 1.0 / direction;
     vec3 middle = -origin * inverse;
     vec3 extent = abs(inverse);
     vec3 entries = middle - extent;
