@@ -1,0 +1,130 @@
+"""Every shape under every transform: hits, distances, normals and emission against Mitsuba's own intersections."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harness.scene import Scene
+from harness.tracer.codegen import scene_chunk
+from harness.tracer.probes import evaluate
+
+NO_HIT = 1e30  # lib/shapes.glsl
+RAYS = 6000
+# Twice the float32 spacing at the largest coordinates in play (8): what a distance along a ray may be off by,
+# measured at right angles to the surface, where grazing incidence does not magnify it.
+DISTANCE_TOLERANCE = 2e-6
+SMALLEST_RADIUS = 0.3
+NORMAL_TOLERANCE = DISTANCE_TOLERANCE / SMALLEST_RADIUS
+# Rays whose fate changes within this distance are decided by rounding, in either renderer.
+MARGIN = 3e-4
+
+
+def trace(scene: Scene, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The tracer's (t, id, normal, emission) of rays from `o` along `d`, both (N, 3)."""
+    rays = np.c_[o, np.full(len(o), NO_HIT)], np.c_[d, np.zeros(len(d))]
+    found = evaluate("intersect.frag", *rays, outputs=2, generated={"scene.glsl": scene_chunk(scene, "mixture")})
+    return found[:, 3], found[:, 7].astype(int), found[:, :3], found[:, 4:7]
+
+
+def trace_mitsuba(mi: Any, scene: Any, names: list[str], o: np.ndarray,
+                  d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The same of Mitsuba; the normal is the shading frame's, which decides sides for BSDFs and emitters."""
+    si = scene.ray_intersect(mi.Ray3f(mi.Point3f(o.T), mi.Vector3f(d.T)))
+    ids = np.full(len(o), -1)
+    for shape in scene.shapes():
+        ids[np.array(si.shape == mi.ShapePtr(shape))] = names.index(shape.id())
+    emitted = np.array(si.emitter(scene).eval(si)).T
+    hit = np.array(si.is_valid())
+    return (np.where(hit, np.array(si.t), NO_HIT), ids, np.where(hit[:, None], np.array(si.sh_frame.n).T, 0),
+            np.where(hit[:, None], emitted, 0))
+
+
+def rotation(rng: np.random.Generator) -> np.ndarray:
+    """A random rotation, (3, 3)."""
+    q, r = np.linalg.qr(rng.normal(size=(3, 3)))
+    q *= np.sign(np.diag(r))
+    return q * np.linalg.det(q)
+
+
+def random_transform(rng: np.random.Generator, kind: str) -> np.ndarray:
+    """Any (4, 4) that Mitsuba accepts for the shape, mirrored half the time."""
+    linear = rotation(rng) * rng.uniform(SMALLEST_RADIUS, 1.5)
+    if kind == "disk":  # circular in its plane; its z axis may lean and stretch
+        linear[:, 2] = linear[:, 2] * rng.uniform(0.3, 3) + 0.5 * linear[:, :2] @ rng.normal(size=2)
+    elif kind != "sphere":
+        linear = linear @ np.diag(rng.uniform(0.4, 1.6, 3)) @ rotation(rng)
+    matrix = np.eye(4)
+    matrix[:3, :3] = linear * rng.choice([-1, 1], size=3)  # mirrors world axes
+    matrix[:3, 3] = rng.uniform(-1.5, 1.5, 3)
+    return matrix
+
+
+def shape_xml(kind: str, name: str, matrix: np.ndarray, *, flip: bool, emits: bool, extra: str = "") -> str:
+    """One shape; `emits` gives it a radiance of its own."""
+    values = " ".join(repr(float(v)) for v in matrix.ravel())
+    colour = ", ".join(str(1 + sum(map(ord, name)) % 97 + k) for k in range(3))
+    light = f'<emitter type="area"><rgb name="radiance" value="{colour}"/></emitter>' if emits else ""
+    return (f'<shape type="{kind}" id="{name}">{extra}<transform name="to_world"><matrix value="{values}"/></transform>'
+            f'<boolean name="flip_normals" value="{str(flip).lower()}"/>{light}<bsdf type="diffuse"/></shape>')
+
+
+def rays_for(rng: np.random.Generator, matrices: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Rays in float32 from outside and inside, along the shapes' own axes, and grazing their planes and silhouettes."""
+    def local(count: int, spread: float) -> np.ndarray:
+        """Points around randomly chosen shapes: object-space coordinates up to `spread`."""
+        chosen = np.stack(matrices)[rng.integers(len(matrices), size=count)]
+        return np.einsum("nij,nj->ni", chosen[:, :3, :3], rng.uniform(-spread, spread, (count, 3))) + chosen[:, :3, 3]
+
+    part = RAYS // 4
+    outside = rng.normal(size=(part, 3))
+    outside *= 6 / np.linalg.norm(outside, axis=1, keepdims=True)
+    inside = local(part, 0.95)
+    origins = [outside, inside, local(part, 3), local(part, 3)]
+    axes = np.stack(matrices)[rng.integers(len(matrices), size=part)][:, :3, :3]
+    along = np.take_along_axis(axes, rng.integers(3, size=(part, 1, 1)), axis=2)[:, :, 0] * rng.choice([-1, 1], (part, 1))
+    leaning = axes @ np.array([1.0, 0.7, 0.0]) * rng.choice([-1, 1], (part, 1)) + 0.02 * axes[:, :, 2]
+    directions = [local(part, 1.2) - outside, rng.normal(size=(part, 3)), along, leaning]
+    o, d = np.concatenate(origins), np.concatenate(directions)
+    return o.astype(np.float32), (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
+
+
+def assert_same_hits(mi: Any, scene: Scene, rng: np.random.Generator) -> None:
+    """Both renderers meet the same shape at the same place with the same normal and emission."""
+    names = [shape.name for shape in scene.shapes]
+    mitsuba_scene = mi.load_file(str(scene.path), optimize=False)  # would merge rectangles and cubes into one mesh
+    o, d = rays_for(rng, [shape.matrix for shape in scene.shapes])
+    t, ids, normals, emitted = trace_mitsuba(mi, mitsuba_scene, names, o, d)
+    decided = np.ones(len(o), dtype=bool)
+    for shift in np.float32(MARGIN) * np.vstack([np.eye(3), -np.eye(3)]).astype(np.float32):
+        _, near_ids, near_normals, _ = trace_mitsuba(mi, mitsuba_scene, names, o + shift, d)
+        decided &= (near_ids == ids) & (np.sum(near_normals * normals, axis=1) >= 0.9 * (ids >= 0))
+    assert decided.mean() > 0.95 and (ids[decided] >= 0).mean() > 0.2
+
+    found_t, found_ids, found_normals, found_emission = (values[decided] for values in trace(scene, o, d))
+    np.testing.assert_array_equal(found_ids, ids[decided])
+    across = np.abs(np.sum(normals * d, axis=1))[decided]
+    np.testing.assert_array_less(np.abs(found_t - t[decided]) * across, DISTANCE_TOLERANCE)
+    np.testing.assert_array_less(np.abs(found_normals - normals[decided]), NORMAL_TOLERANCE)
+    np.testing.assert_array_equal(found_emission, emitted[decided])
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("kind", ["sphere", "rectangle", "disk", "cube"])
+def test_shapes_are_hit_as_in_mitsuba(mi: Any, scene: Any, kind: str, seed: int) -> None:
+    """Six shapes of a kind, each under a random transform, mirrored or flipped or both, half of them emissive."""
+    rng = np.random.default_rng([seed, *map(ord, kind)])
+    body = "\n".join(shape_xml(kind, f"shape{i}", random_transform(rng, kind), flip=bool(i % 2), emits=i % 3 != 0)
+                     for i in range(6))
+    assert_same_hits(mi, scene(body), rng)
+
+
+def test_mixed_shapes_are_hit_as_in_mitsuba(mi: Any, scene: Any) -> None:
+    """The nearest of shapes of every kind wins, whatever their order in the file."""
+    rng = np.random.default_rng(7)
+    kinds = rng.permutation(["sphere", "rectangle", "disk", "cube"] * 3)
+    body = "\n".join(shape_xml(kind, f"shape{i}", random_transform(rng, kind), flip=False, emits=True)
+                     for i, kind in enumerate(kinds))
+    assert_same_hits(mi, scene(body), rng)
