@@ -18,7 +18,10 @@ import typer
 
 from harness.errors import HarnessError
 
-COMMANDS = ("doctor",)
+COMMANDS = {
+    "doctor": "doctor", "render": "render", "reference": "render", "compare": "compare", "study": "study",
+    "report": "report",
+}  # name of the command (and of its function) -> module under harness.cli
 
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130  # 128 + SIGINT, the shells' convention
@@ -77,8 +80,8 @@ def _app() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback(invoke_without_command=True)(_root)
-    for name in COMMANDS:
-        app.command(name)(getattr(importlib.import_module(f"harness.cli.{name}"), name))
+    for name, module in COMMANDS.items():
+        app.command(name)(getattr(importlib.import_module(f"harness.cli.{module}"), name))
     return app
 
 

@@ -1,0 +1,94 @@
+"""`harness compare`: every metric between two images, and the bias verdict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from harness.cli.options import ConfidenceOption, ToleranceOption
+from harness.cli.output import JsonOption, print_json, print_rich
+from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    from harness.estimate import Estimate
+    from harness.stats.bias import MeanErrorVerdict
+
+CHANNELS = ("red", "green", "blue", "luminance")
+
+
+def compare(
+    test: Annotated[Path, typer.Argument(help="The image under test (.exr).", show_default=False)],
+    reference: Annotated[Path, typer.Argument(help="What it should be (.exr).", show_default=False)],
+    tolerance: ToleranceOption = 0.002,
+    confidence: ConfidenceOption = 0.95,
+    exposure: Annotated[float | None, typer.Option(help="Stops, for the display metrics; otherwise the reference "
+                                                        "file's own, or 0.")] = None,
+    json: JsonOption = False,
+) -> int:
+    """Compare an image with its reference: every metric, and whether the means agree within the tolerance.
+
+    Exit status 0 when the verdict is pass, 1 when it is fail or inconclusive. Files of other renderers carry no
+    variance: for them there are metrics but no verdict, and the status is 0.
+
+    Example: `harness compare spheres.exr truth.exr --tolerance 0.002`
+    """
+    from harness import study
+    from harness.exr import read_estimate
+
+    images = [read_estimate(path) for path in (test, reference)]
+    (ours, _), (truth, facts) = images
+    if ours.mean.shape != truth.mean.shape:
+        raise HarnessError(f"{test} is {_size(ours)}, {reference} is {_size(truth)}; render both at the same size")
+    if exposure is None:
+        exposure = float(facts.get("exposure", 0.0))
+    values = _metrics(ours, truth, exposure)
+    known = bool((ours.image_variance == ours.image_variance).all() and
+                 (truth.image_variance == truth.image_variance).all())
+    verdict = study.judge(ours, truth, tolerance=tolerance, confidence=confidence) if known else None
+    if json:
+        print_json({"test": test, "reference": reference, "exposure": exposure, **values, "verdict": verdict})
+    else:
+        _print(values, verdict, tolerance, confidence)
+    return 0 if verdict is None or verdict.outcome == "pass" else 1
+
+
+def _metrics(ours: Estimate, truth: Estimate, exposure: float) -> dict[str, Any]:
+    from harness import metrics
+
+    noise = truth.variance if (truth.variance == truth.variance).all() else None
+    return {
+        "rmse": metrics.rmse(ours.mean, truth.mean, noise=noise),
+        "relmse": metrics.relmse(ours.mean, truth.mean, noise=noise),
+        "ssim": metrics.ssim(ours.mean, truth.mean, exposure),
+        "flip": metrics.flip(ours.mean, truth.mean, exposure),
+        "delta_e2000": metrics.delta_e2000(ours.mean, truth.mean, exposure),
+    }
+
+
+def _print(values: dict[str, Any], verdict: MeanErrorVerdict | None, tolerance: float, confidence: float) -> None:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column("metric")
+    table.add_column("value", justify="right")
+    table.add_column("meaning", style="dim")
+    for name, meaning in (("rmse", "root of the mean squared error, reference noise taken off"),
+                          ("relmse", "mean squared error relative to the reference, worst 0.1 % left out"),
+                          ("ssim", "structural similarity on sRGB-encoded images; 1 is identical"),
+                          ("flip", "mean FLIP error on sRGB-encoded images; 0 is identical"),
+                          ("delta_e2000", "mean colour difference; 1 is about just noticeable")):
+        table.add_row(name, f"{values[name]:.5g}", meaning)
+    if verdict is not None:
+        for channel, error, low, high in zip(CHANNELS, verdict.error, verdict.low, verdict.high, strict=True):
+            table.add_row(f"mean error, {channel}", f"{error:+.4%}",
+                          f"{confidence:.0%} interval {low:+.4%} to {high:+.4%}, tolerance ±{tolerance:.2%}")
+    print_rich(table)
+    print(f"verdict: {verdict.outcome}: {verdict.reason}" if verdict is not None else
+          "no verdict: at least one file carries no variance; `harness render` and `harness reference` write it")
+
+
+def _size(estimate: Estimate) -> str:
+    height, width = estimate.mean.shape[:2]
+    return f"{width} x {height}"

@@ -1,0 +1,104 @@
+"""`harness report`: every scene studied, or read back from the last time, and set as a PDF and an HTML page."""
+
+from __future__ import annotations
+
+import hashlib
+import json as json_module
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from harness.cli.options import open_store
+from harness.cli.output import JsonOption, log, print_json, progress
+from harness.errors import HarnessError, StoreError
+
+if TYPE_CHECKING:
+    from harness.results import StudyResult
+    from harness.study import Profile
+
+# What a study's numbers depend on besides its scene and settings: the code that makes them.
+_CODE = ("estimate.py", "metrics.py", "study.py", "store.py", "results.py", "scene", "stats", "tracer", "reference",
+         "report/storage.py")
+
+
+def report(
+    profile: Annotated[Literal["quick", "full"], typer.Option(help="quick: minutes; full: hours, and finer.")] = "quick",
+    scenes: Annotated[list[Path] | None, typer.Argument(help="Scene files; all that come with the harness if none "
+                                                        "are given.", show_default=False)] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for report.pdf and report.html.")]
+    = Path("reports/out"),
+    json: JsonOption = False,
+) -> int:
+    """Study every scene with every strategy that suits it, and set the results as a PDF and an HTML page.
+
+    What was rendered before is read back; an interrupted report continues. Exit status 1 when a verdict is not pass.
+
+    Example: `harness report --profile quick`
+    """
+    from harness.files import data_dir, require_writable
+    from harness.report import build_report
+    from harness.study import PROFILES
+
+    began = time.perf_counter()
+    chosen = scenes or sorted(data_dir("mitsuba_scenes").glob("*.xml"))
+    require_writable(output / "report.pdf")
+    results = []
+    with progress(len(chosen), f"report ({profile})") as advance:
+        for path in chosen:
+            results.append(_studied(path, PROFILES[profile]))
+            advance(1)
+    pdf = build_report(results, output, profile=profile)
+    verdicts = {f"{result.scene} {item.strategy}": item.verdict.outcome
+                for result in results for item in result.strategies if item.suits}
+    lost = [name for name, outcome in verdicts.items() if outcome != "pass"]
+    for name in lost:
+        log(f"warning: {name}: {verdicts[name]}")
+    if json:
+        print_json({"pdf": pdf, "seconds": time.perf_counter() - began, "verdicts": verdicts})
+    else:
+        print(f"{len(verdicts) - len(lost)} of {len(verdicts)} verdicts pass; {time.perf_counter() - began:.0f} s")
+        print(pdf)
+    return 1 if lost else 0
+
+
+def _studied(path: Path, profile: Profile) -> StudyResult:
+    """The study of one scene, read back where scene, settings and code are the same as when it was made."""
+    from harness.cli.options import open_scene
+    from harness.files import cache_dir
+    from harness.report.storage import load_study, save_study
+    from harness.scene import describe
+    from harness.study import study, versions
+
+    scene = open_scene(path)
+    key = {"scene": scene.content_hash, "name": scene.name, "exposure": scene.exposure, "notes": scene.notes,
+           "description": describe(path), "spp": profile.spp, "replicas": profile.replicas,
+           "reference_spp": profile.reference_spp, "code": _code_hash(), **versions()}
+    digest = hashlib.sha256(json_module.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
+    folder = cache_dir() / "studies" / digest
+    if (folder / "study.json").exists():
+        try:
+            return load_study(folder)
+        except StoreError as error:
+            log(f"warning: {error}; made again")
+    result = study(scene, spp=profile.spp, replicas=profile.replicas, reference_spp=profile.reference_spp,
+                   store=open_store(True), progress=progress)
+    save_study(result, folder)
+    return result
+
+
+def _code_hash() -> str:
+    import harness
+    from harness.files import data_dir
+
+    package = Path(harness.__file__).parent if harness.__file__ else None
+    if package is None:
+        raise HarnessError("the harness package has no folder; install it as a normal package")
+    digest = hashlib.sha256()
+    roots = [package / name for name in _CODE] + [data_dir("glsl")]
+    for root in roots:
+        for file in sorted(root.rglob("*")) if root.is_dir() else [root]:
+            if file.suffix in (".py", ".glsl", ".frag"):
+                digest.update(file.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,105 @@
+"""`harness study`: convergence curves, verdicts and costs of several strategies on one scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from harness.cli.options import (
+    CacheOption,
+    ConfidenceOption,
+    SceneArgument,
+    SizeOption,
+    ToleranceOption,
+    open_scene,
+    open_store,
+)
+from harness.cli.output import JsonOption, log, print_json, print_rich, progress
+
+if TYPE_CHECKING:
+    from harness.results import StrategyResult, StudyResult
+
+
+def study(
+    scene: SceneArgument,
+    strategies: Annotated[str | None, typer.Option("--strategies", "-s", metavar="A,B,...",
+                          help="Comma-separated; all that suit the scene if not given.")] = None,
+    spp: Annotated[int, typer.Option("--spp", min=4, help="Samples per pixel of each replica.")] = 1024,
+    replicas: Annotated[int, typer.Option("--replicas", min=2, max=1000, help="Independent runs of each.")] = 8,
+    reference_spp: Annotated[int | None, typer.Option("--reference-spp", min=2,
+                             help="Samples per pixel of Mitsuba's image; 4 x spp if not given.")] = None,
+    reference: Annotated[Path | None, typer.Option("--reference", help="A ready reference (.exr) instead.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to keep the result in: study.json, "
+                                                "curves.csv and images.")] = None,
+    size: SizeOption = None,
+    tolerance: ToleranceOption = 0.002,
+    confidence: ConfidenceOption = 0.95,
+    cache: CacheOption = True,
+    json: JsonOption = False,
+) -> int:
+    """Measure how each strategy converges to the reference on a scene, and what equal error costs.
+
+    An interrupted study continues where it was. Exit status 1 when a suiting strategy's verdict is not pass.
+
+    Example: `harness study mitsuba_scenes/spheres.xml --strategies uniform,cosine,mixture --spp 4096 --replicas 8`
+    """
+    from harness import study as studies
+    from harness.exr import read_estimate
+    from harness.report.storage import save_study
+
+    loaded = open_scene(scene, size)
+    names = [name.strip() for name in strategies.split(",")] if strategies is not None else None
+    result = studies.study(
+        loaded, names, spp=spp, replicas=replicas, reference_spp=reference_spp,
+        reference=read_estimate(reference)[0] if reference else None, tolerance=tolerance, confidence=confidence,
+        store=open_store(cache), progress=progress)
+    for item in result.strategies:
+        if not item.suits:
+            log(f"warning: strategy '{item.strategy}': {item.warning}")
+    if output:
+        save_study(result, output)
+    if json:
+        print_json(_as_json(result))
+    else:
+        _print(result)
+    return 0 if all(item.verdict.outcome == "pass" for item in result.strategies if item.suits) else 1
+
+
+def _as_json(result: StudyResult) -> dict[str, Any]:
+    return {
+        "scene": result.scene, "scene_hash": result.scene_hash, "reference": result.reference_kind,
+        "provenance": result.provenance, "notes": result.notes,
+        "strategies": [{
+            "strategy": item.strategy, "suits": item.suits, "warning": item.warning, "spp": item.spp,
+            "rmse": item.rmse, "mean_error": item.mean_error, "ssim": item.ssim, "slope": item.slope,
+            "verdict": item.verdict, "flip": item.flip, "delta_e2000": item.delta_e,
+            "cpu_seconds_per_spp": item.cpu_seconds_per_spp, "rejected": item.estimate.rejected,
+        } for item in result.strategies],
+    }
+
+
+def _print(result: StudyResult) -> None:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("strategy", "mean error", "interval", "verdict", "RMSE", "SSIM", "slope", "interval", "CPU s/spp"):
+        table.add_column(heading, justify="left" if heading in ("strategy", "verdict") else "right")
+    for item in result.strategies:
+        table.add_row(item.strategy, *_cells(item))
+    print_rich(table)
+    for item in result.strategies:
+        print(f"{item.strategy}: {item.verdict.outcome if item.suits else 'not suited'}: "
+              f"{item.verdict.reason if item.suits else item.warning}")
+
+
+def _cells(item: StrategyResult) -> tuple[str, ...]:
+    verdict, slope = item.verdict, item.slope
+    return (
+        f"{verdict.error[3]:+.3%}", f"{verdict.low[3]:+.3%} to {verdict.high[3]:+.3%}",
+        verdict.outcome if item.suits else f"({verdict.outcome})",
+        f"{item.rmse[:, -1].mean():.3g}", f"{item.ssim[:, -1].mean():.4f}",
+        f"{slope.slope:.3f}" if slope else "exact", f"{slope.low:.3f} to {slope.high:.3f}" if slope else "",
+        f"{item.cpu_seconds_per_spp:.3g}",
+    )

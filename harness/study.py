@@ -1,0 +1,311 @@
+"""Renders through the store: estimates of one renderer, and convergence studies of several strategies."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Protocol
+
+import numpy as np
+
+from harness import metrics
+from harness.errors import HarnessError
+from harness.estimate import Accumulator, Batch, Estimate, luminance
+from harness.reference.renderer import ReferenceRenderer
+from harness.results import StrategyResult, StudyResult
+from harness.scene import Scene, describe
+from harness.stats.bias import MeanErrorVerdict, error_scale, mean_error_verdict
+from harness.stats.convergence import fit_slope
+from harness.store import Store, schedule
+from harness.tracer.context import describe_gl
+from harness.tracer.renderer import TracerRenderer, check_strategy, suitable_strategies
+
+# A reference of this many times the samples of one replica adds little to what is compared with it.
+REFERENCE_FACTOR = 4
+# The bias that an equivalence verdict tolerates, and its confidence, unless the caller says otherwise.
+TOLERANCE = 0.002
+CONFIDENCE = 0.95
+# Equal batches that a run is cut into at the least, for its variance; see `equal_batches`.
+MIN_EQUAL_BATCHES = 8
+# Replicas that a study may add to those asked for, as a multiple of them, where its verdict needs them.
+MAX_REPLICA_FACTOR = 8
+# The half-width of the error's interval that a study aims at, as a part of the tolerance: an unbiased strategy whose
+# standard error is a fifth of the tolerance leaves its interval inside with probability 0.997 a channel.
+PRECISION = 0.4
+STUDENT = 2.0  # two-sided 95 % quantile of Student's t at about 60 degrees of freedom
+# A strategy whose standard deviation per sample is below this part of the image's mean is exact but for rounding.
+EXACT = 1e-4
+
+@dataclass(frozen=True)
+class Profile:
+    """How many samples a report spends on each scene and strategy."""
+
+    spp: int
+    replicas: int
+    reference_spp: int
+
+
+PROFILES = {
+    "quick": Profile(spp=1024, replicas=8, reference_spp=4096),
+    "full": Profile(spp=8192, replicas=12, reference_spp=65536),
+}
+
+Advance = Callable[[float], None]
+Progress = Callable[[float | None, str], AbstractContextManager[Advance]]
+
+
+class Renderer(Protocol):
+    """What renders batches: the tracer, the reference, or anybody's black box."""
+
+    @property
+    def identity(self) -> Mapping[str, str]:
+        """All that a batch depends on besides replica and sample range."""
+        ...
+
+    def render_batch(self, replica: int, start: int, count: int, advance: Advance | None = None) -> Batch:
+        """Samples start … start+count-1 of one replica."""
+        ...
+
+
+@contextmanager
+def quiet(total: float | None, description: str) -> Iterator[Advance]:
+    """The progress display that shows nothing."""
+    yield lambda n: None
+
+
+def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
+            advance: Advance = lambda n: None) -> Iterator[Batch]:
+    """The first `samples` samples per pixel of one replica, batch by batch in the store's fixed schedule.
+
+    What the store already holds is read, the rest rendered and kept. HarnessError for fewer than one sample.
+    """
+    if samples < 1:
+        raise HarnessError(f"samples per pixel must be at least 1, found {samples}")
+    identity = dict(renderer.identity)
+    for start, count in schedule(samples):
+        def render(start: int = start, count: int = count) -> Batch:
+            return renderer.render_batch(replica, start, count)
+
+        yield store.get_or_render(identity, replica, start, count, render) if store else render()
+        advance(count)
+
+
+def equal_batches(run: Iterable[Batch], samples: int) -> Iterator[Batch]:
+    """The small batches that a run begins with, merged until all are about equal and there are enough of them.
+
+    The variance by batch means is unbiased for unequal batches too, but the smallest batches of a heavy-tailed
+    estimator are the noisiest witnesses of its variance, and merging them loses no more than a few degrees of freedom.
+    """
+    size = max(1, samples // MIN_EQUAL_BATCHES)
+    pending: list[Batch] = []
+    for batch in run:
+        pending.append(batch)
+        if sum(b.samples for b in pending) >= min(size, schedule(samples)[-1][1]):
+            yield _merged(pending)
+            pending = []
+    if pending:
+        yield _merged(pending)
+
+
+def estimate(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
+             advance: Advance = lambda n: None) -> Estimate:
+    """Mean and variance of `samples` samples per pixel of one replica."""
+    accumulator = Accumulator()
+    for batch in equal_batches(batches(renderer, samples, replica=replica, store=store, advance=advance), samples):
+        accumulator.add(batch)
+    return accumulator.estimate()
+
+
+def judge(test: Estimate, reference: Estimate, *, tolerance: float = TOLERANCE,
+          confidence: float = CONFIDENCE) -> MeanErrorVerdict:
+    """Is the test's image mean equivalent to the reference's, per channel and in luminance?"""
+    return mean_error_verdict(
+        test.image_mean, test.image_variance, _degrees_of_freedom(test),
+        reference.image_mean, reference.image_variance, _degrees_of_freedom(reference),
+        tolerance=tolerance, confidence=confidence)
+
+
+def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1024, replicas: int = 8,
+          max_replicas: int | None = None, reference_spp: int | None = None, reference: Estimate | None = None, tolerance: float = TOLERANCE,
+          confidence: float = CONFIDENCE, store: Store | None = None, progress: Progress = quiet) -> StudyResult:
+    """Convergence curves, verdict and cost of each strategy on one scene, against one reference.
+
+    `strategies`: all that suit the scene where None. `spp`: samples per pixel of each replica; where `replicas` are
+    too few to decide, more are added, up to `max_replicas` (8 x replicas by default). `reference`: a ready one (closed
+    form, file); otherwise Mitsuba renders `reference_spp` samples, 4 x spp by default. A study that was
+    interrupted continues from the store. Raises HarnessError for an unknown strategy or counts below their minimum.
+    """
+    if spp < 1:
+        raise HarnessError(f"samples per pixel must be at least 1, found {spp}")
+    if replicas < 2:
+        raise HarnessError(f"a study needs at least 2 replicas to tell its own uncertainty, found {replicas}")
+    names = tuple(dict.fromkeys(strategies)) if strategies else suitable_strategies(scene)
+    plan = _Plan(spp, replicas, max_replicas or MAX_REPLICA_FACTOR * replicas, tolerance, confidence)
+    for name in names:
+        check_strategy(scene, name)
+    kind = "given" if reference else "Mitsuba"
+    if reference is None:
+        reference = reference_estimate(scene, reference_spp or REFERENCE_FACTOR * spp, store=store, progress=progress)
+    if reference.mean.shape[:2] != (scene.height, scene.width):
+        raise HarnessError(f"the reference is {reference.mean.shape[1]} x {reference.mean.shape[0]} pixels, the scene "
+                           f"{scene.width} x {scene.height}; render both at the same size")
+    results = []
+    for name in names:
+        results.append(_study_strategy(scene, name, reference, plan, store, progress))
+    return StudyResult(
+        scene=scene.name, description=describe(scene.path) if scene.path else "", scene_hash=scene.content_hash,
+        exposure=scene.exposure, reference=reference, reference_kind=kind, strategies=tuple(results),
+        notes=scene.notes, provenance=_provenance(scene, plan, reference))
+
+
+def reference_estimate(scene: Scene, spp: int, *, store: Store | None = None, progress: Progress = quiet) -> Estimate:
+    """Mitsuba's image of the scene with `spp` samples per pixel."""
+    renderer = ReferenceRenderer(scene)
+    with progress(spp, f"{scene.name} reference") as advance:
+        return estimate(renderer, spp, store=store, advance=advance)
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """The settings of one study that its strategies share."""
+
+    spp: int
+    replicas: int
+    max_replicas: int
+    tolerance: float
+    confidence: float
+
+
+class _Run:
+    """One strategy's replicas so far: their curves, the merged estimate, the cost."""
+
+    def __init__(self, scene: Scene, renderer: TracerRenderer, reference: Estimate, spp: int) -> None:
+        self.scene, self.renderer, self.reference, self.spp = scene, renderer, reference, spp
+        self.prefixes = prefix_sizes(spp)
+        self.curves: list[list[tuple[float, float, float]]] = []  # per replica, per prefix: RMSE, mean error, SSIM
+        self.total = Accumulator()
+        self.costs: list[tuple[int, float]] = []  # samples per pixel of each batch, CPU seconds for one of them
+
+    def add_replica(self, store: Store | None, advance: Advance) -> None:
+        run = []
+        prefix = Accumulator()
+        curve = []
+        for batch in batches(self.renderer, self.spp, replica=len(self.curves), store=store, advance=advance):
+            run.append(batch)
+            prefix.add(batch)
+            self.costs.append((batch.samples, batch.cpu_seconds / batch.samples))
+            if prefix.samples in self.prefixes:
+                curve.append(_curve_point(prefix.mean, self.reference, self.scene))
+        for batch in equal_batches(run, self.spp):
+            self.total.add(batch)
+        self.curves.append(curve)
+
+    def result(self, plan: _Plan) -> StrategyResult:
+        merged = self.total.estimate()
+        strategy, scene, reference = self.renderer.strategy, self.scene, self.reference
+        rmse, mean_error, ssim = np.moveaxis(np.array(self.curves), -1, 0)
+        spp = np.array(self.prefixes)
+        largest = max(samples for samples, _ in self.costs)
+        return StrategyResult(
+            strategy=strategy.name, suits=strategy.suits, warning=strategy.warning, spp=spp,
+            rmse=rmse, mean_error=mean_error, ssim=ssim, estimate=merged,
+            verdict=judge(merged, reference, tolerance=plan.tolerance, confidence=plan.confidence),
+            slope=None if _is_exact(merged) or len(spp) < 3 else fit_slope(spp, rmse),
+            flip=metrics.flip(merged.mean, reference.mean, scene.exposure),
+            delta_e=metrics.delta_e2000(merged.mean, reference.mean, scene.exposure),
+            cpu_seconds_per_spp=float(np.median([cost for samples, cost in self.costs if samples == largest])))
+
+
+def _study_strategy(scene: Scene, name: str, reference: Estimate, plan: _Plan, store: Store | None,
+                    progress: Progress) -> StrategyResult:
+    renderer = TracerRenderer(scene, name)
+    try:
+        run = _Run(scene, renderer, reference, plan.spp)
+        with progress(plan.spp * plan.replicas, f"{scene.name} {name}") as advance:
+            for _ in range(plan.replicas):
+                run.add_replica(store, advance)
+        more = replicas_needed(run.total.estimate(), reference, plan.replicas, plan.tolerance) - plan.replicas
+        more = min(more, plan.max_replicas - plan.replicas) if renderer.strategy.suits else 0
+        with progress(plan.spp * max(more, 1), f"{scene.name} {name}, more to decide") as advance:
+            for _ in range(more):
+                run.add_replica(store, advance)
+        return run.result(plan)
+    finally:
+        renderer.release()
+
+
+def replicas_needed(pilot: Estimate, reference: Estimate, replicas: int, tolerance: float) -> int:
+    """How many replicas like the `replicas` of the pilot make an equivalence verdict decide, if there is no bias.
+
+    Stein's (1945) two-stage sample size: chosen from the pilot's variance alone, never from its error, so that the
+    verdict on all replicas together keeps its level. No fewer than `replicas`; without bound where the reference
+    itself is too noisy.
+    """
+    target = (tolerance * PRECISION / STUDENT) ** 2
+    scale = error_scale(reference.image_mean)
+    ours, theirs = pilot.image_variance / scale**2, reference.image_variance / scale**2
+    if not np.isfinite(ours).all() or not np.isfinite(theirs).all():
+        return replicas
+    room = target - theirs
+    if (room <= 0).any():
+        return 2**31
+    return max(replicas, math.ceil(float((replicas * ours / room).max())))
+
+
+def prefix_sizes(spp: int) -> list[int]:
+    """The prefixes of a run at which curves are measured: powers of two, and the whole run."""
+    powers = [2**k for k in range(int(math.log2(spp)) + 1)]
+    return powers if powers[-1] == spp else [*powers, spp]
+
+
+def _curve_point(mean: np.ndarray, reference: Estimate, scene: Scene) -> tuple[float, float, float]:
+    target = luminance(reference.mean).mean()
+    error = luminance(mean).mean() - target
+    return (metrics.rmse(mean, reference.mean, noise=reference.variance),
+            float(error / target) if target > 0 else float(error),
+            metrics.ssim(mean, reference.mean, scene.exposure))
+
+
+def _is_exact(estimate: Estimate) -> bool:
+    deviation = math.sqrt(float(np.mean(estimate.variance)) * estimate.samples)
+    return deviation <= EXACT * float(np.mean(estimate.mean))
+
+
+def _degrees_of_freedom(estimate: Estimate) -> float:
+    return math.inf if estimate.batches == 0 else estimate.batches - 1
+
+
+def _merged(parts: Sequence[Batch]) -> Batch:
+    if len(parts) == 1:
+        return parts[0]
+    samples = sum(part.samples for part in parts)
+    total = sum(part.mean.astype(np.float64) * part.samples for part in parts)
+    return Batch(np.asarray(total / samples), samples, sum(part.rejected for part in parts),
+                 sum(part.cpu_seconds for part in parts))
+
+
+def versions() -> dict[str, str]:
+    """Versions of all that numbers depend on: packages, Python, the GL driver."""
+    packages = ("glsl-validation-harness", "mitsuba", "drjit", "moderngl", "numpy", "scikit-image", "colour-science",
+                "flip-evaluator")
+    return {
+        **{name: metadata.version(name) for name in packages},
+        "python": platform.python_version(),
+        **describe_gl(),
+    }
+
+
+def _provenance(scene: Scene, plan: _Plan, reference: Estimate) -> dict[str, str]:
+    return {
+        **versions(),
+        "scene hash": scene.content_hash,
+        "image size": f"{scene.width} x {scene.height}",
+        "path vertices": str(scene.max_depth),
+        "samples per pixel of each replica": str(plan.spp),
+        "replicas (seeds 0, 1, …)": f"{plan.replicas}, up to {plan.max_replicas} where the verdict needs them",
+        "reference samples per pixel": str(reference.samples or "exact"),
+    }
