@@ -78,11 +78,15 @@ class Accumulator:
         self._image_m2 = np.zeros(4)
 
     def add(self, batch: Batch) -> None:
-        """Merge one batch; all batches must have the same image size."""
+        """Merge one batch; ValueError when it holds no samples or its image size is not that of those before it."""
+        if batch.samples < 1:
+            raise ValueError(f"expected at least 1 sample, found {batch.samples}")
         value = _with_luminance(batch.mean)
         if self.batches == 0:
             self._mean = np.zeros_like(value)
             self._m2 = np.zeros_like(value)
+        elif value.shape != self._mean.shape:  # numpy would stretch an image one pixel high or wide
+            raise ValueError(f"expected an image of shape {self.mean.shape}, found {batch.mean.shape}")
         self.samples += batch.samples
         self.batches += 1
         self.rejected += batch.rejected
