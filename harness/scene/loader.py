@@ -207,15 +207,16 @@ def _sensor(node: Node, width: int | None, height: int | None, notes: list[str])
     matrix = node.transform()
     linear = matrix[:3, :3]
     if not np.allclose(linear.T @ linear, np.eye(3), atol=1e-4):
-        raise node.error("'to_world' of a sensor must not scale or shear, as in Mitsuba")
+        raise node.error("'to_world' of a sensor must not scale or shear, as in Mitsuba; a rotation's axis must have length 1")
     near, far = node.number("near_clip", 1e-2), node.number("far_clip", 1e4)
     if not 0 < near < far:
         raise node.error(f"clip distances must satisfy 0 < near_clip < far_clip, found {near:g} and {far:g}")
     aspect = film_size[0] / film_size[1]
     tan_x = _tan_half_fov_x(node, aspect)
-    # Mitsuba measures the principal point in film fractions; to the right and downwards are positive.
-    offset = (2 * tan_x * node.number("principal_point_offset_x", 0.0),
-              2 * tan_x / aspect * node.number("principal_point_offset_y", 0.0))
+    # Mitsuba measures the principal point in film fractions, positive to the left and upwards in the image, which
+    # moves the rays through the film the other way: to the right (our -x) and downwards (our -y).
+    offset = (-2 * tan_x * node.number("principal_point_offset_x", 0.0),
+              -2 * tan_x / aspect * node.number("principal_point_offset_y", 0.0))
     node.done(["to_world", "fov", "fov_axis", "focal_length", "near_clip", "far_clip",
                "principal_point_offset_x", "principal_point_offset_y"])
     return Camera(_matrix(matrix), tan_x, tan_x / aspect, near, far, offset), *film_size, exposure
