@@ -128,3 +128,37 @@ def test_mixed_shapes_are_hit_as_in_mitsuba(mi: Any, scene: Any) -> None:
     body = "\n".join(shape_xml(kind, f"shape{i}", random_transform(rng, kind), flip=False, emits=True)
                      for i, kind in enumerate(kinds))
     assert_same_hits(mi, scene(body), rng)
+
+
+@pytest.mark.parametrize("zero", [0.0, -0.0])
+@pytest.mark.parametrize(("kind", "expected"), [
+    ("sphere", [4.0, NO_HIT, NO_HIT, 1.0, NO_HIT]),
+    ("rectangle", [5.0, NO_HIT, NO_HIT, NO_HIT, NO_HIT]),
+    ("disk", [5.0, NO_HIT, NO_HIT, NO_HIT, NO_HIT]),
+    ("cube", [4.0, NO_HIT, NO_HIT, 1.0, NO_HIT]),
+])
+def test_rays_along_the_axes(scene: Any, kind: str, expected: list[float], zero: float) -> None:
+    """Rays with two components exactly zero, of either sign: dividing by them must neither invent nor lose a hit."""
+    o = np.array([[0, 0, 5], [2, 0, 5], [-2, -2, 5], [0, 0, 0], [2, 0, 0]], dtype=np.float32)
+    d = np.array([[zero, zero, -1]] * 3 + [[zero, 1, zero]] * 2, dtype=np.float32)
+    t, *_ = trace(scene(f'<shape type="{kind}"/>'), o, d)
+    np.testing.assert_array_equal(t, np.float32(expected))
+
+
+def test_a_cube_face_has_a_unit_normal_on_edges_and_corners(scene: Any) -> None:
+    """Where two or three faces meet one of them is chosen; their sum would not be a unit vector."""
+    corners = np.array([[1, 1, 1], [-1, 1, 0], [0, -1, -1], [1, 0, 1]], dtype=np.float32)
+    o = 2 * corners
+    _, ids, normals, _ = trace(scene('<shape type="cube"/>'), o, -corners / np.linalg.norm(corners, axis=1, keepdims=True))
+    assert (ids == 0).all()
+    np.testing.assert_array_equal(np.sort(np.abs(normals), axis=1), [[0, 0, 1]] * 4)
+
+
+def test_a_hit_beyond_the_reach_is_none(scene: Any) -> None:
+    """`reach` ends a ray: the far clip plane of the camera relies on it."""
+    body = '<shape type="sphere"/>'
+    chunk = {"scene.glsl": scene_chunk(scene(body), "cosine")}
+    found = evaluate("intersect.frag", np.array([[0, 0, 5, 4.5], [0, 0, 5, 3.5]]), np.array([[0, 0, -1, 0]] * 2),
+                     outputs=2, generated=chunk)
+    np.testing.assert_array_equal(found[:, 3], [4.0, 3.5])
+    np.testing.assert_array_equal(found[:, 7], [0, -1])

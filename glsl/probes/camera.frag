@@ -1,0 +1,18 @@
+// The camera ray through a point of the film. In: input0.xy = film point, (0,0) at the bottom left. Out: output0 =
+// origin, reach; output1 = direction.
+#include "scene.glsl"
+#include "lib/camera.glsl"
+
+uniform sampler2D input0;
+
+layout(location = 0) out vec4 output0;
+layout(location = 1) out vec4 output1;
+
+void main()
+{
+    vec3 o, d;
+    float reach;
+    camera_ray(texelFetch(input0, ivec2(gl_FragCoord.xy), 0).xy, o, d, reach);
+    output0 = vec4(o, reach);
+    output1 = vec4(d, 0.0);
+}
