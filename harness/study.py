@@ -130,8 +130,9 @@ def judge(test: Estimate, reference: Estimate, *, tolerance: float = TOLERANCE,
 
 
 def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1024, replicas: int = 8,
-          max_replicas: int | None = None, reference_spp: int | None = None, reference: Estimate | None = None, tolerance: float = TOLERANCE,
-          confidence: float = CONFIDENCE, store: Store | None = None, progress: Progress = quiet) -> StudyResult:
+          max_replicas: int | None = None, reference_spp: int | None = None, reference: Estimate | None = None,
+          tolerance: float = TOLERANCE, confidence: float = CONFIDENCE, store: Store | None = None,
+          progress: Progress = quiet) -> StudyResult:
     """Convergence curves, verdict and cost of each strategy on one scene, against one reference.
 
     `strategies`: all that suit the scene where None. `spp`: samples per pixel of each replica; where `replicas` are

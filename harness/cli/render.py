@@ -94,12 +94,12 @@ def _render(renderer: Renderer, scene: Scene, target: Path, spp: int, replica: i
     else:
         write_estimate(target, result, facts)
     if result.rejected:
-        log(f"warning: {result.rejected} samples were not finite and were left out; the shader divides by zero or takes "
-            "a root or power of a negative number somewhere")
+        log(f"warning: {result.rejected} samples were not finite and were left out: a division by zero somewhere, or a "
+            "root or power of a negative number")
     if json:
         print_json({"output": target, **facts, "size": [scene.width, scene.height], **_numbers(result)})
     else:
-        print(f"{target}: {scene.width} x {scene.height}, {spp} spp, {_speed(result):.3g} million samples per CPU second")
+        print(f"{target}: {scene.width} x {scene.height}, {spp} spp, {_speed(result):.3g} million samples a CPU second")
 
 
 def _numbers(result: Estimate) -> dict[str, Any]:

@@ -24,7 +24,7 @@ _CODE = ("estimate.py", "metrics.py", "study.py", "store.py", "results.py", "sce
 
 
 def report(
-    profile: Annotated[Literal["quick", "full"], typer.Option(help="quick: minutes; full: hours, and finer.")] = "quick",
+    profile: Annotated[Literal["quick", "full"], typer.Option(help="quick: minutes; full: hours, finer.")] = "quick",
     scenes: Annotated[list[Path] | None, typer.Argument(help="Scene files; all that come with the harness if none "
                                                         "are given.", show_default=False)] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for report.pdf and report.html.")]

@@ -47,7 +47,6 @@ def study(
     """
     from harness import study as studies
     from harness.exr import read_estimate
-    from harness.report.storage import save_study
 
     loaded = open_scene(scene, size)
     names = [name.strip() for name in strategies.split(",")] if strategies is not None else None
@@ -59,6 +58,8 @@ def study(
         if not item.suits:
             log(f"warning: strategy '{item.strategy}': {item.warning}")
     if output:
+        from harness.report.storage import save_study
+
         save_study(result, output)
     if json:
         print_json(_as_json(result))
