@@ -20,7 +20,7 @@ from harness.errors import HarnessError
 
 COMMANDS = {
     "doctor": "doctor", "render": "render", "reference": "render", "compare": "compare", "study": "study",
-    "report": "report",
+    "report": "report", "bench": "bench",
 }  # name of the command (and of its function) -> module under harness.cli
 
 EXIT_USAGE = 2

@@ -1,0 +1,140 @@
+"""The benchmark: tracer and Mitsuba interleaved on the same cores in one run, as ratios of CPU time."""
+
+from __future__ import annotations
+
+import json
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from harness.errors import StoreError
+from harness.estimate import Accumulator
+from harness.files import data_dir, write_atomically
+from harness.reference.renderer import ReferenceRenderer
+from harness.scene import load_scene
+from harness.study import Progress, Renderer, quiet, versions
+from harness.tracer.renderer import TracerRenderer
+
+# Seconds of wall time that one measurement of one renderer should take: long against timer and launch overhead.
+TARGET_SECONDS = 1.0
+# Samples per pixel of the batch that finds out how many fit into that time; also the warm-up (kernels compile).
+PILOT_SPP = 16
+# Largest number of samples per pixel in one measurement.
+MAX_SPP = 4096
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row: a scene, the tracer's strategy, the Mitsuba integrator that it is measured against, the target ratio."""
+
+    scene: str
+    strategy: str
+    opponent: str
+    needed: float  # ratio of samples per CPU second that the design asks for
+
+
+# `path` samples light sources as well; `bsdf_path` is the tracer's own algorithm written as a Mitsuba integrator.
+CASES = (
+    Case("diffuse", "cosine", "path", 5.0),
+    Case("spheres", "mixture", "path", 3.0),
+    Case("diffuse", "cosine", "bsdf_path", 4.0),
+    Case("spheres", "mixture", "bsdf_path", 4.0),
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A measured case. Rates in million samples (paths) per CPU second, medians over the rounds.
+
+    `ratio`: tracer's rate over Mitsuba's, the median of the rounds' own ratios, `low` and `high` their extremes.
+    `wall_ratio`: the same by elapsed time. `efficiency_ratio`: of 1 / (variance x CPU time), so it also counts how
+    noisy a sample is: how much faster the tracer reaches the same error.
+    """
+
+    scene: str
+    strategy: str
+    opponent: str
+    needed: float
+    tracer_rate: float
+    opponent_rate: float
+    ratio: float
+    low: float
+    high: float
+    wall_ratio: float
+    efficiency_ratio: float
+
+
+class _Lane:
+    """One renderer's measurements in a case."""
+
+    def __init__(self, renderer: Renderer, pixels: int) -> None:
+        self._renderer = renderer
+        self._pixels = pixels
+        self._samples = Accumulator()
+        self.cpu: list[float] = []   # samples per CPU second, one per round
+        self.wall: list[float] = []  # samples per second
+        renderer.render_batch(0, 0, PILOT_SPP)
+        began = time.perf_counter()
+        renderer.render_batch(0, PILOT_SPP, PILOT_SPP)
+        seconds = time.perf_counter() - began
+        self._spp = max(1, min(MAX_SPP, round(PILOT_SPP * TARGET_SECONDS / seconds)))
+
+    def measure(self, round_number: int) -> None:
+        began = time.perf_counter()
+        batch = self._renderer.render_batch(1, round_number * self._spp, self._spp)
+        wall = time.perf_counter() - began
+        self.cpu.append(self._pixels * self._spp / batch.cpu_seconds)
+        self.wall.append(self._pixels * self._spp / wall)
+        self._samples.add(batch)
+
+    def efficiency(self) -> float:
+        """1 / (variance of one sample, mean over pixels, x CPU seconds of one sample)."""
+        estimate = self._samples.estimate()
+        return statistics.median(self.cpu) / (float(estimate.variance.mean()) * estimate.samples)
+
+
+def run(cases: Sequence[Case] = CASES, rounds: int = 7, progress: Progress = quiet) -> list[Row]:
+    """Measure each case: the two renderers in turn, `rounds` times (at least 2)."""
+    rows = []
+    with progress(len(cases) * rounds, "benchmark") as advance:
+        for case in cases:
+            rows.append(_measure(case, rounds, advance))
+    return rows
+
+
+def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Row:
+    scene = load_scene(data_dir("mitsuba_scenes") / f"{case.scene}.xml")
+    pixels = scene.width * scene.height
+    tracer = TracerRenderer(scene, case.strategy)
+    try:
+        ours = _Lane(tracer, pixels)
+        theirs = _Lane(ReferenceRenderer(scene, case.opponent), pixels)
+        for number in range(rounds):
+            ours.measure(number)
+            theirs.measure(number)
+            advance(1)
+    finally:
+        tracer.release()
+    ratios = [a / b for a, b in zip(ours.cpu, theirs.cpu, strict=True)]
+    walls = [a / b for a, b in zip(ours.wall, theirs.wall, strict=True)]
+    return Row(
+        **asdict(case),
+        tracer_rate=statistics.median(ours.cpu) / 1e6, opponent_rate=statistics.median(theirs.cpu) / 1e6,
+        ratio=statistics.median(ratios), low=min(ratios), high=max(ratios), wall_ratio=statistics.median(walls),
+        efficiency_ratio=ours.efficiency() / theirs.efficiency())
+
+
+def save(rows: Sequence[Row], path: Path) -> None:
+    """Write the rows and the versions they were measured with as JSON, for the report."""
+    with write_atomically(path) as partial:
+        partial.write_text(json.dumps({"rows": [asdict(row) for row in rows], "versions": versions()}, indent=2) + "\n")
+
+
+def load(path: Path) -> list[Row]:
+    """The rows that `save` wrote; StoreError where the file is not one."""
+    try:
+        return [Row(**row) for row in json.loads(path.read_text())["rows"]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise StoreError(f"{path}: not a benchmark result ({error}); run `harness bench` again") from None
