@@ -177,14 +177,16 @@ def install_uv():
     settings = subprocess.check_output([PYTHON, "-I", "-m", "pip", "config", "list"]).decode(errors="replace")
     if re.search(PIP_ONLY_SETTINGS, settings):
         return False
-    with open(LOCK) as file:
-        block = re.search(r"^uv==(?:.*\\\n)*.*\n", file.read(), re.MULTILINE)
-    if block is None:
-        return False
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as locked:
-        locked.write(block.group())
+        locked.write(locked_lines("uv"))
         locked.flush()
         return subprocess.call([*pip(), "--no-deps", "--require-hashes", "-r", locked.name]) == 0
+
+
+def locked_lines(package):
+    """A package's version and hashes, as the lock file has them."""
+    with open(LOCK) as file:
+        return re.search(r"^%s==(?:.*\\\n)*.*\n" % re.escape(package), file.read(), re.MULTILINE).group()
 
 
 def meet_native_needs():

@@ -26,6 +26,8 @@ LEAST_MEMORY = 3 * 2**30  # bytes: 2 GB for the largest command (DESIGN), and ro
 # Seconds for a probe to answer; a cold shader or kernel cache needs about two, a loaded machine many more.
 _PROBE_TIMEOUT = 120
 _GIB = 2**30
+# Where Linux tells a container's limit: control groups version 2, and version 1.
+_MEMORY_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 _GL_PROBE = """
 import json
@@ -157,7 +159,7 @@ def check_cache() -> Check:
 def memory_limit() -> int:
     """Bytes of memory: the machine's, or the control group's limit where that is smaller."""
     limit = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    for name in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):  # version 2, version 1
+    for name in _MEMORY_LIMITS:
         try:
             limit = min(limit, int(Path(name).read_text()))
         except (OSError, ValueError):  # absent, or "max"

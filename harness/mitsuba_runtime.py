@@ -116,6 +116,8 @@ def _users_llvm(path: Path) -> LLVM:
     try:
         version = llvm_version(path)
     except OSError as error:
+        if "libatomic" in str(error):
+            raise MachineError(_explain(error)) from None
         raise MachineError(f"{LLVM_VARIABLE}={path} cannot be loaded ({error}); correct or unset it") from None
     if version is None or version[0] < OLDEST_LLVM:
         found = "older than LLVM 16" if version is None else f"LLVM {version[0]}"

@@ -1,0 +1,33 @@
+"""Fixtures of all tests: a cache of their own, and the command line as a user runs it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+RunHarness = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A cold cache for the run, shared by pytest-xdist's workers; the user's cache is neither used nor touched."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARNESS_CACHE", str(folder / "cache"))
+        yield folder / "cache"
+
+
+@pytest.fixture
+def run_harness(tmp_path: Path) -> RunHarness:
+    """Runs `harness ARGUMENTS` in a process and a folder of its own: run_harness("doctor", "--json", NAME="value")."""
+    def run(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, "-m", "harness", *arguments], capture_output=True, text=True,
+                              cwd=tmp_path, env={**os.environ, **variables}, stdin=subprocess.DEVNULL)
+    return run
