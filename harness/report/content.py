@@ -22,13 +22,17 @@ class Swatch:
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell of a table. `mark` colours it and puts its symbol in front; `rows` is how many rows it spans."""
+    """One cell of a table. `mark` colours it and puts its symbol in front; `rows`, `columns`: how many it spans.
+
+    `target`: the anchor of the scene's section that the text leads to, if any.
+    """
 
     text: str
     mark: Mark = ""
     swatch: Swatch | None = None
     rows: int = 1
     columns: int = 1
+    target: str = ""
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table with its caption. A row holds no cell where one above or before it spans; `rules`: rows with a line above."""
+    """A table with its caption. A row has no cell where another spans; `rules`: indices of rows with a line above."""
 
     caption: str
     columns: tuple[Column, ...]
@@ -108,6 +112,7 @@ class SceneSection:
     """All that the report says about one scene, in the order in which it says it."""
 
     name: str
+    anchor: str
     description: tuple[str, ...]
     facts: tuple[str, ...]
     remarks: tuple[Remark, ...]

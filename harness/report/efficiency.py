@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.results import StrategyResult, StudyResult
-from harness.stats.convergence import spp_to_reach
+from harness.stats.convergence import Slope, spp_to_reach
 
 BASELINE = "uniform"
 
 
 @dataclass(frozen=True)
 class Factor:
-    """A positive number with its confidence interval."""
+    """A positive number with its confidence interval; NaN where unknown, an interval of (0, inf) where unbounded."""
 
     value: float
     low: float
@@ -23,10 +23,13 @@ class Factor:
 
     def over(self, other: Factor) -> Factor:
         """self / other for independent estimates: half widths add in quadrature on a log scale."""
-        value = self.value / other.value
-        down = math.hypot(math.log(self.value / self.low), math.log(other.high / other.value))
-        up = math.hypot(math.log(self.high / self.value), math.log(other.value / other.low))
-        return Factor(value, value * math.exp(-down), value * math.exp(up))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ours, theirs = np.log([self.low, self.value, self.high]), np.log([other.low, other.value, other.high])
+            centre = ours[1] - theirs[1]
+            down = math.hypot(ours[1] - ours[0], theirs[2] - theirs[1])
+            up = math.hypot(ours[2] - ours[1], theirs[1] - theirs[0])
+            value, low, high = np.exp([centre, centre - down, centre + up])
+        return Factor(float(value), float(low), float(high))
 
     def times(self, scale: float) -> Factor:
         """self × a number that is taken as exact."""
@@ -37,7 +40,7 @@ class Factor:
 class Cost:
     """What one strategy pays for the common error: samples per pixel and CPU seconds, and the baseline's over its own.
 
-    `sample_gain`, `time_gain`: how many times fewer than the baseline needs; None for the baseline itself.
+    `sample_gain`, `time_gain`: how many times less than the baseline it needs; None for the baseline itself.
     """
 
     strategy: StrategyResult
@@ -57,35 +60,30 @@ class EqualError:
 
 
 def equal_error(result: StudyResult) -> EqualError | None:
-    """Costs of all suitable strategies with a fitted slope at one error; None where there are none.
+    """Costs of all suitable strategies with a fitted slope at one error; None where fewer than two have one.
 
     The error is the largest that any of them still has at the end of its run, so that each reaches it within what
-    was measured. The baseline is `uniform`, or the first strategy where that does not suit. CPU time per sample is
-    taken as exact: its spread is far below that of the samples.
+    was measured. The baseline is `uniform`, or the first strategy where that has no slope. Intervals have the
+    confidence of the slopes; CPU time per sample is taken as exact, its spread being far below that of the samples.
     """
-    fitted = [strategy for strategy in result.strategies if strategy.suits and strategy.slope is not None]
-    if not fitted:
+    fitted = [(s, s.slope) for s in result.strategies if s.suits and s.slope is not None and s.slope.points >= 2]
+    if len(fitted) < 2:
         return None
-    target = max(_final_rmse(strategy) for strategy in fitted)
-    baseline = next((strategy for strategy in fitted if strategy.strategy == BASELINE), fitted[0])
-    needs = {strategy.strategy: _needed(strategy, target) for strategy in fitted}
+    target = max(_final_rmse(strategy, slope) for strategy, slope in fitted)
+    needs = {strategy.strategy: Factor(*spp_to_reach(strategy.spp, strategy.rmse, target, slope.confidence))
+             for strategy, slope in fitted}
+    baseline = next((strategy for strategy, _ in fitted if strategy.strategy == BASELINE), fitted[0][0])
+    samples = needs[baseline.strategy]
+    seconds = samples.times(baseline.cpu_seconds_per_spp)
     costs = []
-    for strategy in fitted:
-        spp = needs[strategy.strategy]
-        time = spp.times(strategy.cpu_seconds_per_spp)
-        base = needs[baseline.strategy]
-        other = strategy is not baseline
-        costs.append(Cost(strategy, spp, time, base.over(spp) if other else None,
-                          base.times(baseline.cpu_seconds_per_spp).over(time) if other else None))
+    for strategy, _ in fitted:
+        own = needs[strategy.strategy]
+        time = own.times(strategy.cpu_seconds_per_spp)
+        gains = (samples.over(own), seconds.over(time)) if strategy is not baseline else (None, None)
+        costs.append(Cost(strategy, own, time, *gains))
     return EqualError(target, baseline.strategy, tuple(costs))
 
 
-def _final_rmse(strategy: StrategyResult) -> float:
+def _final_rmse(strategy: StrategyResult, slope: Slope) -> float:
     """The fitted line's RMSE at the end of the run: steadier than the last point alone."""
-    assert strategy.slope is not None
-    return float(strategy.slope.coefficient * float(strategy.spp[-1]) ** strategy.slope.slope)
-
-
-def _needed(strategy: StrategyResult, target: float) -> Factor:
-    value, low, high = spp_to_reach(strategy.spp, strategy.rmse, target)
-    return Factor(float(value), float(low), float(high))
+    return slope.coefficient * float(strategy.spp[-1]) ** slope.slope

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
 
 from harness.report.formats import MINUS, number
-from harness.report.style import FONT_SIZE, GUIDE_COLOUR, RC, TOLERANCE_COLOUR, strategy_style
+from harness.report.style import GUIDE_COLOUR, RC, TOLERANCE_COLOUR, strategy_style
 from harness.results import StrategyResult, StudyResult
 from harness.stats.convergence import band
 
@@ -108,7 +108,7 @@ def _draw_bands(axes: Axes, result: StudyResult, values: Callable[[StrategyResul
     """One line with its confidence band for each strategy; on log axes what is not positive is left out."""
     for strategy in result.strategies:
         style = strategy_style(strategy.strategy)
-        mean, low, high = band(values(strategy), strategy.verdict.confidence, log=log)
+        mean, low, high = band(values(strategy), strategy.verdict.confidence, geometric=log)
         shown = np.isfinite(mean) & ((mean > 0) if log else True)
         if not shown.any():
             continue

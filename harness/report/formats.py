@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 MINUS = "\N{MINUS SIGN}"
 NBSP = "\N{NO-BREAK SPACE}"
@@ -105,6 +106,12 @@ def words(items: list[str]) -> str:
 def plural(n: int, noun: str, nouns: str = "") -> str:
     """'1 pair', '3 pairs'."""
     return f"{count(n)}{NBSP}{noun if n == 1 else nouns or noun + 's'}"
+
+
+def typographic(text: str) -> str:
+    """Plain text for print: true minus signs before digits, no line break between a number and its percent sign."""
+    text = re.sub(r"(?<![\w-])-(?=\d)", MINUS, text)
+    return re.sub(r"(?<=\d) (?=%)", NBSP, text)
 
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

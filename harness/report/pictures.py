@@ -9,7 +9,8 @@ import matplotlib
 import numpy as np
 from PIL import Image
 
-from harness.metrics import encode_srgb, flip_map, signed_relative_difference
+from harness.images import display_pixels
+from harness.metrics import flip_map, signed_relative_difference
 
 # At 41 mm printed width this is 300 dots per inch; larger images are averaged down by a whole factor.
 MAX_PIXELS = 512
@@ -39,7 +40,7 @@ def shrink(image: np.ndarray) -> np.ndarray:
 
 def display_png(image: np.ndarray, exposure: float) -> bytes:
     """A linear image (H, W, 3) at a fixed exposure (in stops), clipped and sRGB-encoded, as PNG."""
-    return _png(np.rint(255 * encode_srgb(shrink(image), exposure)).astype(np.uint8))
+    return _png(display_pixels(shrink(image), exposure))
 
 
 def difference_map(test: np.ndarray, reference: np.ndarray) -> np.ndarray:

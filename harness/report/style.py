@@ -44,22 +44,23 @@ TOLERANCE_COLOUR = "#e9efe9"
 
 @dataclass(frozen=True)
 class Style:
-    """Colour (hexadecimal) and matplotlib marker of one strategy."""
+    """Colour (hexadecimal) and matplotlib marker of one strategy, and the letter-sized glyph of that marker."""
 
     colour: str
     marker: str
+    glyph: str
 
 
 # The palette of Okabe and Ito (2008, "Color Universal Design"), told apart with any common colour blindness;
 # the markers tell the lines apart in greyscale.
 _STYLES = {
-    "uniform": Style("#0072b2", "o"),
-    "cosine": Style("#e69f00", "s"),
-    "phong": Style("#cc79a7", "^"),
-    "lobes": Style("#009e73", "D"),
-    "mixture": Style("#d55e00", "v"),
+    "uniform": Style("#0072b2", "o", "●"),
+    "cosine": Style("#e69f00", "s", "■"),
+    "phong": Style("#cc79a7", "^", "▲"),
+    "lobes": Style("#009e73", "D", "◆"),
+    "mixture": Style("#d55e00", "v", "▼"),
 }
-_OTHERS = (Style("#56b4e9", "P"), Style("#000000", "X"), Style("#8c8c00", "*"))
+_OTHERS = (Style("#56b4e9", "P", "✚"), Style("#000000", "X", "✖"), Style("#8c8c00", "*", "★"))
 
 
 def strategy_style(strategy: str) -> Style:

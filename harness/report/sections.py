@@ -1,0 +1,181 @@
+"""One scene's section: description, images, curves and tables, and the assets that they show."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from harness.report import formats, pictures
+from harness.report.content import (
+    Bar,
+    CurveFigure,
+    Mark,
+    Picture,
+    PictureFigure,
+    PictureRow,
+    Remark,
+    SceneSection,
+    Swatch,
+)
+from harness.report.efficiency import equal_error
+from harness.report.figures import curves_svg
+from harness.report.style import strategy_style
+from harness.report.tables import accuracy_table, cost_table, is_exact
+from harness.results import StrategyResult, StudyResult
+
+Assets = dict[str, bytes]
+
+DIFFERENCE_BAR, FLIP_BAR = "bar-difference.png", "bar-flip.png"
+
+# The finest colour scales worth drawing: below them a map shows rounding, not noise.
+_FINEST_DIFFERENCE = 1e-4
+_FINEST_FLIP = 1e-3
+
+
+def shared_assets() -> Assets:
+    """The colour bars that all scenes use."""
+    return {DIFFERENCE_BAR: pictures.bar_png(pictures.DIFFERENCE_MAP), FLIP_BAR: pictures.bar_png(pictures.FLIP_MAP)}
+
+
+def scene_section(result: StudyResult, stem: str) -> tuple[SceneSection, Assets]:
+    """The section of one scene, and its PNG and SVG files; `stem` begins their names and is the section's anchor."""
+    assets: Assets = {}
+    maps = {s.strategy: (pictures.difference_map(s.estimate.mean, result.reference.mean),
+                         pictures.perceived_map(s.estimate.mean, result.reference.mean, result.exposure))
+            for s in result.strategies}
+    equal = equal_error(result)
+    section = SceneSection(
+        name=result.scene, anchor=stem, description=_paragraphs(result.description), facts=_facts(result),
+        remarks=_remarks(result), images=_images(result, best_strategy(result), maps, stem, assets),
+        differences=_differences(result, maps, stem, assets) if len(result.strategies) > 1 else None,
+        curves=_curves(result, stem, assets), accuracy=accuracy_table(result), reasons=_reasons(result),
+        cost=cost_table(result, equal) if equal else None)
+    return section, assets
+
+
+def best_strategy(result: StudyResult) -> StrategyResult:
+    """The suitable strategy with the least RMSE at the end of its run; any strategy where none suits."""
+    candidates = [strategy for strategy in result.strategies if strategy.suits] or list(result.strategies)
+    return min(candidates, key=lambda strategy: float(np.nan_to_num(strategy.rmse[:, -1].mean(), nan=np.inf)))
+
+
+def _paragraphs(text: str) -> tuple[str, ...]:
+    """A comment's paragraphs (between blank lines), each on one line."""
+    return tuple(" ".join(part.split()) for part in re.split(r"\n\s*\n", text) if part.strip())
+
+
+def _facts(result: StudyResult) -> tuple[str, ...]:
+    height, width = result.reference.mean.shape[:2]
+    reference = result.reference
+    spp = f", {formats.count(reference.samples)} samples per pixel" if reference.samples else ""
+    own = max((float(strategy.spp[-1]), strategy.rmse.shape[0]) for strategy in result.strategies)
+    return (f"{width} × {height} pixels", f"reference: {result.reference_kind}{spp}",
+            f"each strategy: {formats.plural(own[1], 'replica')} of {formats.count(own[0])} samples per pixel",
+            f"exposure {formats.number(result.exposure, 1, sign=True)} stops", f"scene {result.scene_hash}")
+
+
+def _remarks(result: StudyResult) -> tuple[Remark, ...]:
+    """Notes of the loader, strategies that do not suit and why, exact ones, rejected samples."""
+    remarks = [Remark(note) for note in result.notes]
+    for strategy in result.strategies:
+        if not strategy.suits or strategy.warning:
+            head = strategy.strategy if strategy.suits else f"{strategy.strategy} does not suit this scene"
+            remarks.append(Remark(f"{head}: {strategy.warning}" if strategy.warning else f"{head}.", "warning"))
+        if is_exact(strategy):
+            remarks.append(Remark(f"{strategy.strategy} is exact here: every sample gives the same answer, so there "
+                                  "is no noise to fit a slope to.", "exact"))
+    return tuple(remarks)
+
+
+def _reasons(result: StudyResult) -> tuple[Remark, ...]:
+    """Each verdict in words; a strategy that does not suit carries the warning's mark, not a verdict's."""
+    remarks = []
+    for strategy in result.strategies:
+        mark: Mark = strategy.verdict.outcome if strategy.suits else "warning"
+        remarks.append(Remark(f"{strategy.strategy}: {formats.typographic(strategy.verdict.reason)}.", mark))
+    return tuple(remarks)
+
+
+Maps = dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str, assets: Assets) -> PictureFigure:
+    """GLSL, reference, signed difference and FLIP of the least noisy strategy."""
+    reference = result.reference.mean
+    difference, perceived = maps[best.strategy]
+    limit = pictures.robust_limit([difference], _FINEST_DIFFERENCE)
+    flip_limit = min(pictures.robust_limit([perceived], _FINEST_FLIP), 1.0)
+    files = {name: f"{stem}-{name}.png" for name in ("glsl", "reference", "difference", "flip")}
+    assets[files["glsl"]] = pictures.display_png(best.estimate.mean, result.exposure)
+    assets[files["reference"]] = pictures.display_png(reference, result.exposure)
+    assets[files["difference"]] = pictures.difference_png(difference, limit)
+    assets[files["flip"]] = pictures.perceived_png(perceived, flip_limit)
+    caption = (f"{result.scene}: the GLSL estimate ({best.strategy}, {formats.count(best.estimate.samples)} samples "
+               f"per pixel) and the reference ({result.reference_kind}), both at the scene's fixed exposure and "
+               f"sRGB-encoded; their signed relative difference in luminance, blue where GLSL is darker, red where it "
+               f"is brighter; and the FLIP map, mean {formats.number(best.flip, 4)}. {_scale_words(reference)}")
+    return PictureFigure(caption, (PictureRow((
+        Picture(files["glsl"], f"GLSL, {best.strategy}", f"GLSL render of {result.scene}"),
+        Picture(files["reference"], _reference_title(result), f"Reference render of {result.scene}"),
+        Picture(files["difference"], "Relative difference", f"Signed relative difference, within ±{limit:g}",
+                _difference_bar(limit)),
+        Picture(files["flip"], "FLIP", f"FLIP map from 0 to {flip_limit:g}", _flip_bar(flip_limit)))),))
+
+
+def _differences(result: StudyResult, maps: Maps, stem: str, assets: Assets) -> PictureFigure:
+    """Signed difference and FLIP of every strategy, on scales that they share."""
+    suited = [maps[s.strategy] for s in result.strategies if s.suits] or list(maps.values())
+    limit = pictures.robust_limit([difference for difference, _ in suited], _FINEST_DIFFERENCE)
+    flip_limit = min(pictures.robust_limit([perceived for _, perceived in suited], _FINEST_FLIP), 1.0)
+    signed, noticed = [], []
+    for strategy in result.strategies:
+        name, style = strategy.strategy, strategy_style(strategy.strategy)
+        difference, perceived = maps[name]
+        files = f"{stem}-difference-{name}.png", f"{stem}-flip-{name}.png"
+        assets[files[0]] = pictures.difference_png(difference, limit)
+        assets[files[1]] = pictures.perceived_png(perceived, flip_limit)
+        title = name if strategy.suits else f"{name} (not suited)"
+        swatch = Swatch(style.glyph, style.colour)
+        signed.append(Picture(files[0], title, f"Signed relative difference of {name}", swatch=swatch))
+        noticed.append(Picture(files[1], "", f"FLIP map of {name}"))
+    caption = (f"{result.scene}: all strategies at the end of their runs, replicas merged, on common scales. An "
+               "unbiased strategy leaves noise without structure; patches of one colour would be bias. "
+               f"{_scale_words(result.reference.mean)}")
+    return PictureFigure(caption, (
+        PictureRow(tuple(signed), "Signed relative difference", _difference_bar(limit)),
+        PictureRow(tuple(noticed), "FLIP", _flip_bar(flip_limit))))
+
+
+def _scale_words(image: np.ndarray) -> str:
+    """How the colour scales were chosen, and that large images are shown smaller."""
+    k = pictures.shrink_factor(image)
+    reduced = f" Shown averaged over {k} × {k} pixels." if k > 1 else ""
+    return ("Colour scales reach to the 99th percentile, rounded up; what lies beyond saturates." + reduced)
+
+
+def _reference_title(result: StudyResult) -> str:
+    return result.reference_kind[:1].upper() + result.reference_kind[1:]
+
+
+def _difference_bar(limit: float) -> Bar:
+    size = f"{100 * limit:g}{formats.NBSP}%"
+    return Bar(DIFFERENCE_BAR, (f"{formats.MINUS}{size}", "0", f"+{size}"))
+
+
+def _flip_bar(limit: float) -> Bar:
+    return Bar(FLIP_BAR, ("0", f"{limit / 2:g}", f"{limit:g}"))
+
+
+def _curves(result: StudyResult, stem: str, assets: Assets) -> CurveFigure:
+    file = f"{stem}-curves.svg"
+    assets[file] = curves_svg(result)
+    confidences = sorted({strategy.verdict.confidence for strategy in result.strategies})
+    level = formats.words([f"{100 * confidence:g}{formats.NBSP}%" for confidence in confidences])
+    caption = (f"{result.scene}: convergence of each strategy. Lines are means over the replicas (geometric for RMSE "
+               f"and 1 − SSIM), bands their {level} confidence intervals. Left: RMSE; grey diagonals fall with slope "
+               f"{formats.MINUS}1/2. Middle: mean error; the shaded strip is the tolerance, inside which the axis is "
+               "linear, outside logarithmic; the points at the right are the verdicts, all replicas merged, with their "
+               "intervals. Right: SSIM.")
+    names = formats.words([strategy.strategy for strategy in result.strategies])
+    return CurveFigure(caption, file, f"RMSE, mean error and SSIM of {names} against samples per pixel")

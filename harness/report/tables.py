@@ -1,0 +1,152 @@
+"""The report's tables, from study results to cells of text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.report import formats
+from harness.report.content import Cell, Column, Mark, Swatch, Table
+from harness.report.efficiency import EqualError
+from harness.report.style import strategy_style
+from harness.results import StrategyResult, StudyResult
+from harness.stats.bias import CHANNELS
+from harness.stats.convergence import slope_verdict
+
+# The Monte Carlo rate that slopes are held against, and by how much a slope's interval may stray from it.
+EXPECTED_SLOPE = -0.5
+SLOPE_TOLERANCE = 0.05
+
+LUMINANCE = CHANNELS.index("luminance")
+
+
+def strategy_cell(strategy: StrategyResult) -> Cell:
+    """The strategy's name beside the marker of its curves."""
+    style = strategy_style(strategy.strategy)
+    return Cell(strategy.strategy, swatch=Swatch(style.glyph, style.colour))
+
+
+def is_exact(strategy: StrategyResult) -> bool:
+    """True where there is no noise to fit a slope to; a run of fewer than three prefixes has noise but no slope."""
+    return strategy.slope is None and strategy.spp.size >= 3
+
+
+def slope_mark(strategy: StrategyResult) -> Mark:
+    """The verdict on the slope against -1/2: pass, fail or inconclusive; `exact` without noise, empty if not fitted."""
+    if strategy.slope is None:
+        return "exact" if is_exact(strategy) else ""
+    return slope_verdict(strategy.slope, EXPECTED_SLOPE, SLOPE_TOLERANCE)
+
+
+def error_text(strategy: StrategyResult, channel: int, *, unit: bool = True) -> str:
+    """Mean error of one channel with its interval, in percent."""
+    verdict = strategy.verdict
+    error, low, high = (float(bound[channel]) for bound in (verdict.error, verdict.low, verdict.high))
+    return formats.percent_interval(error, low, high, unit=unit)
+
+
+def slope_text(strategy: StrategyResult) -> str:
+    """The fitted slope and its interval; words where there is none."""
+    slope = strategy.slope
+    if slope is None:
+        return "no noise" if is_exact(strategy) else "too few prefixes"
+    return formats.interval(slope.slope, slope.low, slope.high, 3)
+
+
+def verdict_table(results: Sequence[StudyResult], anchors: Sequence[str]) -> Table:
+    """Scene × strategy: mean error, its tolerance and verdict, slope and verdict; scenes lead to their `anchors`."""
+    rows, rules = [], []
+    for result, anchor in zip(results, anchors, strict=True):
+        rules.append(len(rows))
+        for index, strategy in enumerate(result.strategies):
+            first = (Cell(result.scene, rows=len(result.strategies), target=anchor),) if index == 0 else ()
+            rows.append((*first, strategy_cell(strategy), Cell(formats.count(strategy.estimate.samples)),
+                         Cell(error_text(strategy, LUMINANCE)), Cell(f"±{formats.percent(strategy.verdict.tolerance)}"),
+                         *_verdict_cells(strategy)))
+    confidence = _confidence_text([strategy for result in results for strategy in result.strategies])
+    caption = (
+        f"Verdicts. Mean error: of luminance, over the whole image, relative to the reference, with its {confidence} "
+        "confidence interval; the verdict beside it holds for red, green and blue as well. Slope: of RMSE against "
+        f"samples per pixel on log axes; the Monte Carlo rate is {formats.MINUS}1/2, and a slope passes when its whole "
+        f"interval lies within {formats.number(EXPECTED_SLOPE - SLOPE_TOLERANCE, 2)} … "
+        f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}.")
+    columns = (Column("Scene", share=1), Column("Strategy"), Column("Samples\nper pixel", "right"),
+               Column("Mean error", "right"), Column("Tolerance", "right"), Column("Verdict"),
+               Column("Slope", "right"), Column("Verdict"))
+    return Table(caption, columns, tuple(rows), tuple(rules))
+
+
+def _verdict_cells(strategy: StrategyResult) -> tuple[Cell, ...]:
+    if not strategy.suits:
+        return (Cell("not suited", "warning"), Cell(slope_text(strategy)), Cell("not judged", "warning"))
+    mark = slope_mark(strategy)
+    return (Cell(strategy.verdict.outcome, strategy.verdict.outcome), Cell(slope_text(strategy)),
+            Cell(mark or "not fitted", mark))
+
+
+def accuracy_table(result: StudyResult) -> Table:
+    """Every channel's mean error, the bias that would have been found, and image metrics, one row a strategy."""
+    rows = []
+    for strategy in result.strategies:
+        detectable = float(np.max(strategy.verdict.smallest_detectable))
+        rows.append((
+            strategy_cell(strategy), *(Cell(error_text(strategy, channel, unit=False)) for channel in range(4)),
+            Cell(formats.percent(detectable, unit=False)), Cell(formats.number(float(strategy.ssim[:, -1].mean()), 4)),
+            Cell(formats.number(strategy.flip, 4)), Cell(formats.number(strategy.delta_e, 3)),
+            Cell(formats.count(strategy.estimate.rejected))))
+    confidence = _confidence_text(result.strategies)
+    caption = (
+        f"How close each strategy comes, with all replicas merged. Mean errors in percent of the reference's mean, "
+        f"with {confidence} intervals. Detectable: the smallest bias of any channel, in percent, that this many "
+        "samples would have found with 95 % probability. SSIM: of one replica at full length, the mean over replicas. "
+        "FLIP and ΔE (CIE 2000): means over the pixels, 0 is identical. Rejected: samples that were not finite.")
+    columns = (Column("Strategy", share=1), *(Column(name.capitalize(), "right") for name in CHANNELS),
+               Column("Detectable", "right"), Column("SSIM", "right"), Column("FLIP", "right"), Column("ΔE", "right"),
+               Column("Rejected", "right"))
+    return Table(caption, columns, tuple(rows))
+
+
+def cost_table(result: StudyResult, equal: EqualError) -> Table:
+    """What equal error costs: samples and CPU time of each strategy, and how many times less than the baseline."""
+    costs = {cost.strategy.strategy: cost for cost in equal.costs}
+    rows = []
+    for strategy in result.strategies:
+        head = (strategy_cell(strategy), Cell(formats.duration(strategy.cpu_seconds_per_spp)),
+                Cell(formats.significant(strategy.slope.coefficient) if strategy.slope else formats.MISSING))
+        cost = costs.get(strategy.strategy)
+        if cost is None:
+            word = "not suited" if not strategy.suits else "exact" if is_exact(strategy) else "not fitted"
+            mark: Mark = "warning" if not strategy.suits else "exact" if is_exact(strategy) else ""
+            rows.append((*head, Cell(word, mark, columns=4)))
+            continue
+        gains = [formats.ratio(gain.value, gain.low, gain.high) if gain else f"1{formats.TIMES}"
+                 for gain in (cost.sample_gain, cost.time_gain)]
+        spp = cost.spp
+        rows.append((*head, Cell(f"{formats.significant(spp.value)} [{formats.significant(spp.low)}, "
+                                 f"{formats.significant(spp.high)}]".replace(" ", formats.NBSP)),
+                     Cell(formats.duration(cost.cpu_seconds.value)), *(Cell(gain) for gain in gains)))
+    caption = (
+        f"What equal error costs: samples and CPU time with which each strategy reaches an RMSE of "
+        f"{formats.significant(equal.rmse)}, the largest that a suitable strategy still has at the end of its run; "
+        f"and how many times less that is than {equal.baseline} needs (above 1: cheaper). Intervals over replicas at "
+        f"{_slope_confidence(equal)} confidence, the replicas of two strategies taken as independent; the fitted power "
+        "laws are solved for the error, and the CPU time of one sample is taken as exact.")
+    columns = (Column("Strategy", share=1), Column("CPU time of\n1 sample/pixel", "right"),
+               Column("RMSE at\n1 sample/pixel", "right"), Column("Samples per pixel\nneeded", "right"),
+               Column("CPU time\nneeded", "right"), Column(f"Fewer samples\nthan {equal.baseline}", "right"),
+               Column(f"Less CPU time\nthan {equal.baseline}", "right"))
+    return Table(caption, columns, tuple(rows))
+
+
+def _slope_confidence(equal: EqualError) -> str:
+    levels = {cost.strategy.slope.confidence for cost in equal.costs if cost.strategy.slope}
+    return _levels_text(levels)
+
+
+def _confidence_text(strategies: Sequence[StrategyResult]) -> str:
+    return _levels_text({strategy.verdict.confidence for strategy in strategies})
+
+
+def _levels_text(levels: set[float]) -> str:
+    return formats.words([f"{100 * level:g}{formats.NBSP}%" for level in sorted(levels)])

@@ -1,0 +1,177 @@
+"""The report's sentences: a summary computed from the data, and how to read what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.report import formats
+from harness.report.content import SYMBOLS, Mark, Remark
+from harness.report.efficiency import Cost, equal_error
+from harness.report.tables import (
+    EXPECTED_SLOPE,
+    LUMINANCE,
+    SLOPE_TOLERANCE,
+    error_text,
+    is_exact,
+    slope_mark,
+)
+from harness.results import StrategyResult, StudyResult
+
+Pair = tuple[StudyResult, StrategyResult]
+
+# So many pairs are named in a sentence of the summary; the verdict table names them all.
+_MAX_NAMED = 4
+
+
+def summary(results: Sequence[StudyResult]) -> tuple[Remark, ...]:
+    """What the data say, in sentences: agreement, how sharp the test was, convergence, gains, and what was left out."""
+    pairs = [(result, strategy) for result in results for strategy in result.strategies]
+    judged = [pair for pair in pairs if pair[1].suits]
+    remarks = [*_agreement(judged, len(results)), *_sharpness(judged), *_convergence(judged), *_gains(results)]
+    unsuited = [pair for pair in pairs if not pair[1].suits]
+    if unsuited:
+        remarks.append(Remark(f"Not judged: {formats.plural(len(unsuited), 'pair')} whose strategy does not suit the "
+                              f"scene ({_names(unsuited)}); the scene's pages say why.", "warning"))
+    rejected = sum(strategy.estimate.rejected for _, strategy in pairs) + sum(r.reference.rejected for r in results)
+    if rejected:
+        remarks.append(Remark(f"{formats.plural(rejected, 'sample')} were not finite and were left out.", "warning"))
+    return tuple(remarks)
+
+
+def _agreement(judged: Sequence[Pair], scenes: int) -> list[Remark]:
+    """How many pairs pass, fail, and are undecided, and the largest mean error among them."""
+    if not judged:
+        return []
+    by_outcome: dict[Mark, list[Pair]] = {"pass": [], "fail": [], "inconclusive": []}
+    for pair in judged:
+        by_outcome[pair[1].verdict.outcome].append(pair)
+    passed, failed, open_ = by_outcome["pass"], by_outcome["fail"], by_outcome["inconclusive"]
+    tolerances = formats.words([f"±{formats.percent(t)}" for t in sorted({s.verdict.tolerance for _, s in judged})])
+    of = f"{formats.plural(len(judged), 'pair')} of strategy and scene over {formats.plural(scenes, 'scene')}"
+    remarks = []
+    if failed:
+        remarks.append(Remark(f"{len(failed)} of {of} differ from the reference by more than {tolerances}: "
+                              f"{_names(failed)}.", "fail"))
+    if open_:
+        remarks.append(Remark(f"{len(open_)} of {of} are undecided at this number of samples: {_names(open_)}.",
+                              "inconclusive"))
+    if passed:
+        whole = "All" if len(passed) == len(judged) else f"{len(passed)} of"
+        remarks.append(Remark(f"{whole} {of} agree with the reference within {tolerances} in every colour channel.",
+                              "pass"))
+    result, worst = max(judged, key=lambda pair: abs(float(pair[1].verdict.error[LUMINANCE])))
+    remarks.append(Remark(f"The largest mean error of luminance is {error_text(worst, LUMINANCE)} "
+                          f"({result.scene}, {worst.strategy})."))
+    return remarks
+
+
+def _sharpness(judged: Sequence[Pair]) -> list[Remark]:
+    """What bias could have hidden: a verdict is worth no more than the smallest bias that it would have found."""
+    finite = [(float(np.max(s.verdict.smallest_detectable)), r.scene, s.strategy) for r, s in judged
+              if np.isfinite(s.verdict.smallest_detectable).all()]
+    if not finite:
+        return []
+    size, scene, strategy = max(finite)
+    return [Remark(f"With 95{formats.NBSP}% probability these samples would have revealed, in any pair, a bias of "
+                   f"{formats.percent(size)} ({scene}, {strategy}, the least sharp) or more.")]
+
+
+def _convergence(judged: Sequence[Pair]) -> list[Remark]:
+    """The range of slopes and how many are what Monte Carlo promises."""
+    fitted = [(pair, pair[1].slope) for pair in judged if pair[1].slope is not None]
+    if not fitted:
+        return []
+    slopes = [slope.slope for _, slope in fitted if np.isfinite(slope.slope)]
+    marks = [slope_mark(pair[1]) for pair, _ in fitted]
+    passed = marks.count("pass")
+    around = sum(slope.low <= EXPECTED_SLOPE <= slope.high for _, slope in fitted)
+    spread = f", from {formats.number(min(slopes), 3)} to {formats.number(max(slopes), 3)}" if slopes else ""
+    mark: Mark = "fail" if "fail" in marks else "pass" if passed == len(marks) else "inconclusive"
+    text = (f"RMSE falls with samples as Monte Carlo promises (slope {formats.MINUS}1/2 ± "
+            f"{formats.number(SLOPE_TOLERANCE, 2)}) for {passed} of {formats.plural(len(fitted), 'fitted slope')}"
+            f"{spread}; the intervals of {around} contain {formats.MINUS}1/2.")
+    wrong = [pair for (pair, _), each in zip(fitted, marks, strict=True) if each == "fail"]
+    return [Remark(text + (f" Not so: {_names(wrong)}." if wrong else ""), mark)]
+
+
+def _gains(results: Sequence[StudyResult]) -> list[Remark]:
+    """The best and the worst that any strategy did against the baseline, samples and CPU time."""
+    gains: list[tuple[float, str, str, Cost]] = []
+    for result in results:
+        equal = equal_error(result)
+        for cost in equal.costs if equal else ():
+            if equal and cost.time_gain and cost.sample_gain and np.isfinite(cost.time_gain.value):
+                gains.append((cost.time_gain.value, result.scene, equal.baseline, cost))
+    if not gains:
+        return []
+    best, worst = max(gains, key=lambda gain: gain[0]), min(gains, key=lambda gain: gain[0])
+    remarks = [Remark(f"At equal error the largest gain is {_gain(*best[1:])}.")]
+    if worst[0] < 1:
+        remarks.append(Remark(f"The largest loss is {_gain(*worst[1:])}."))
+    return remarks
+
+
+def _gain(scene: str, baseline: str, cost: Cost) -> str:
+    assert cost.sample_gain is not None and cost.time_gain is not None
+    samples, time = cost.sample_gain, cost.time_gain
+    return (f"that of {cost.strategy.strategy} over {baseline} on {scene}: samples "
+            f"{formats.ratio(samples.value, samples.low, samples.high)}, CPU time "
+            f"{formats.ratio(time.value, time.low, time.high)}")
+
+
+def _names(pairs: Sequence[Pair]) -> str:
+    named = [f"{result.scene} with {strategy.strategy}" for result, strategy in pairs[:_MAX_NAMED]]
+    rest = len(pairs) - len(named)
+    return formats.words([*named, formats.plural(rest, "other")] if rest else named)
+
+
+def exact_names(results: Sequence[StudyResult]) -> list[str]:
+    """Scene and strategy of every pair whose answer has no noise."""
+    return [f"{r.scene} with {s.strategy}" for r in results for s in r.strategies if is_exact(s)]
+
+
+def reading() -> tuple[tuple[str, str], ...]:
+    """The terms of the report, each with what a reader needs to judge by it."""
+    minus = formats.MINUS
+    return (
+        ("What is compared",
+         "A path tracer written in GLSL and Mitsuba 3 render the same scene file. Where an answer has a closed form, "
+         "that takes Mitsuba's place. A strategy is a way to draw the direction in which a path goes on: uniform over "
+         "the hemisphere; cosine-weighted; phong, the glossy lobe only; lobes, one of the two lobes at random, each "
+         "with its own density; mixture, one of the two at random, weighted by their combined density. All are "
+         "estimators of the same image, so they must agree in the mean and may differ only in noise."),
+        ("Mean error",
+         "The image's mean minus the reference's, relative to the reference's: signed, and free of noise in the "
+         "limit. It is what a wrong formula changes. The interval counts the noise of both renderers, measured from "
+         "the scatter of independent batches."),
+        ("Verdict on the mean",
+         f"{SYMBOLS['pass']} pass: with the stated confidence the error of every channel lies inside the tolerance. "
+         f"{SYMBOLS['fail']} fail: the error of some channel lies outside. {SYMBOLS['inconclusive']} inconclusive: the "
+         "interval reaches across the tolerance, and more samples would decide. An interval too wide to see a bias as "
+         "large as the tolerance can therefore never pass."),
+        ("RMSE",
+         "The root of the mean squared difference over pixels and channels, in the scene's radiance unit. The "
+         "reference has noise of its own, whose variance is subtracted from the squares first; the curve is then what "
+         "a perfect reference would show. A point that this would turn negative is left out."),
+        ("Slope",
+         f"The error of a mean of N independent samples falls as N^({minus}1/2): on log axes, a line of slope "
+         f"{minus}1/2, parallel to the grey diagonals. The slope is fitted to each replica, an independent run of the "
+         "same length; its interval comes from their scatter. A bias bends the curve until it is level; correlated "
+         "samples, or rare bright ones, change its slope."),
+        ("SSIM",
+         "Structural similarity of the two images as displayed: fixed exposure, clipped, sRGB-encoded; 1 is "
+         "identical. It follows what an eye would notice, mostly noise, and says little about bias. Its axis is "
+         "stretched so that each further nine (0.9, 0.99, 0.999) is one step up."),
+        ("FLIP and ΔE",
+         "FLIP estimates the difference that a viewer notices when the two images alternate on a screen, 0 to 1 for "
+         "each pixel. ΔE (CIE 2000) is a colour difference; around 1 is just noticeable side by side."),
+        ("Equal error",
+         "Strategies cost unequal time and reach unequal noise, so they are compared at the same RMSE: how many "
+         "samples, and how much CPU time, until there. Gains above 1 mean cheaper than the baseline."),
+        ("Not suited, exact",
+         f"{SYMBOLS['warning']} A strategy that cannot draw some direction that carries light, or only with enormous "
+         f"weights, does not suit a scene. It is shown, dashed, as a warning and not judged. {SYMBOLS['exact']} A "
+         "strategy whose every sample gives the same answer has no noise to fit a slope to: it is exact."),
+    )
