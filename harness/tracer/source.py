@@ -12,21 +12,25 @@ from harness.errors import ShaderError
 # Gratin's version, and old enough for every desktop driver that can run the tracer.
 GLSL_VERSION = "#version 420 core"
 
+# Line n of file S is numbered (S + 1) * LINE_STRIDE + n: the line alone tells the file. The source-string number that
+# `#line` takes as well is not enough, Mesa 22 reports 0 in its place for an undeclared name.
+LINE_STRIDE = 100_000
+
 _INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"\s*(?://.*)?$')
 # Mesa `S:line(col): error: text`; Intel, AMD and Apple `ERROR: S:line: text`; NVIDIA `S(line) : error C0000: text`.
 _MESSAGES = (
-    re.compile(r"^(?P<file>\d+):(?P<line>\d+)\(\d+\): error: (?P<text>.*)$", re.MULTILINE),
-    re.compile(r"^ERROR: (?P<file>\d+):(?P<line>\d+): (?P<text>.*)$", re.MULTILINE),
-    re.compile(r"^(?P<file>\d+)\((?P<line>\d+)\) : error \w+: (?P<text>.*)$", re.MULTILINE),
+    re.compile(r"^\d+:(?P<line>\d+)\(\d+\): error: (?P<text>.*)$", re.MULTILINE),
+    re.compile(r"^ERROR: \d+:(?P<line>\d+): (?P<text>.*)$", re.MULTILINE),
+    re.compile(r"^\d+\((?P<line>\d+)\) : error \w+: (?P<text>.*)$", re.MULTILINE),
 )
 
 
 @dataclass(frozen=True)
 class ShaderSource:
-    """One self-contained GLSL text and the files it came from; `#line n S` in it means line n of `files[S]`."""
+    """One self-contained GLSL text and the files it came from, in the order of LINE_STRIDE's numbering."""
 
     text: str
-    files: tuple[tuple[str, str], ...]  # (name, content), indexed by source-string number
+    files: tuple[tuple[str, str], ...]  # (name, content)
 
     def explain(self, log: str, line_offset: int = 0) -> ShaderError:
         """The first error of a compiler log as a ShaderError that names our file and line and shows the line.
@@ -35,9 +39,11 @@ class ShaderSource:
         1 on Mesa.
         """
         for pattern in _MESSAGES:
-            if (found := pattern.search(log)) and int(found["file"]) < len(self.files):
-                name, content = self.files[int(found["file"])]
-                number = int(found["line"]) - line_offset
+            if not (found := pattern.search(log)):
+                continue
+            file, number = divmod(int(found["line"]) - line_offset, LINE_STRIDE)
+            if 1 <= file <= len(self.files):
+                name, content = self.files[file - 1]
                 lines = content.splitlines()
                 shown = lines[number - 1].strip() if 1 <= number <= len(lines) else ""
                 return ShaderError(f"{name}:{number}: {found['text'].strip()}; in the line `{shown}`")
@@ -62,20 +68,21 @@ def assemble(main: str, root: Path, generated: Mapping[str, str] | None = None,
         try:
             return (root / name).read_text(encoding="utf-8")
         except OSError:
-            raise ShaderError(f'{included_at}: no such shader file "{name}"; includes are looked up in {root}') from None
+            raise ShaderError(f'{included_at}: no such shader file "{name}"; looked up in {root}') from None
 
     def expand(name: str, included_at: str) -> list[str]:
-        numbers[name] = len(files)
+        number = numbers[name] = len(files)
         content = read(name, included_at)
         files.append((name, content))
-        output = [f"#line 1 {numbers[name]} // {name}"]
+        start = (number + 1) * LINE_STRIDE
+        output = [f"#line {start + 1} {number} // {name}"]
         for line, text in enumerate(content.splitlines(), start=1):
             if not (found := _INCLUDE.match(text)):
                 output.append(text)
             elif found[1] in numbers:
                 output.append("")
             else:
-                output += [*expand(found[1], f"{name}:{line}"), f"#line {line + 1} {numbers[name]} // {name}"]
+                output += [*expand(found[1], f"{name}:{line}"), f"#line {start + line + 1} {number} // {name}"]
         return output
 
     text = "\n".join([*header, *expand(main, main)]) + "\n"
