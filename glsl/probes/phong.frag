@@ -1,0 +1,33 @@
+// The BRDF's value for two directions, and one draw by STRATEGY. In: input0 = normal; input1 = v, to the viewer;
+// input2 = l, to the light. Out: output0.rgb = f(l, v); output1.xyz = the drawn direction; output2.rgb = its weight.
+// Each row draws from a stream of its own.
+#include "lib/phong.glsl"
+
+uniform sampler2D input0;
+uniform sampler2D input1;
+uniform sampler2D input2;
+uniform vec3 kd;
+uniform vec3 ks;
+uniform float alpha;
+uniform float p_glossy;
+uniform uint replica;
+
+layout(location = 0) out vec4 output0;
+layout(location = 1) out vec4 output1;
+layout(location = 2) out vec4 output2;
+
+void main()
+{
+    ivec2 row = ivec2(gl_FragCoord.xy);
+    vec3 n = texelFetch(input0, row, 0).xyz;
+    vec3 v = texelFetch(input1, row, 0).xyz;
+    vec3 l = texelFetch(input2, row, 0).xyz;
+    Material m = Material(kd, ks, alpha, p_glossy);
+    output0 = vec4(eval_phong(m, dot(2.0 * dot(n, v) * n - v, l)), 0.0);
+
+    vec3 drawn;
+    seed_sample(pixel_stream(uvec2(row), replica), 0u);
+    vec3 weight = sample_phong(m, n, v, drawn);
+    output1 = vec4(drawn, 0.0);
+    output2 = vec4(weight, 0.0);
+}
