@@ -1,0 +1,30 @@
+"""Validate a GLSL Monte-Carlo path tracer against Mitsuba 3: the public names, each loaded when first used."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+# Public name -> module. Importing the package stays cheap: neither GL nor Mitsuba loads before it is needed.
+_HOMES = {
+    "Batch": "harness.estimate", "Estimate": "harness.estimate",
+    "HarnessError": "harness.errors", "MachineError": "harness.errors",
+    "ReferenceRenderer": "harness.reference.renderer", "TracerRenderer": "harness.tracer.renderer",
+    "Scene": "harness.scene", "load_scene": "harness.scene",
+    "Store": "harness.store",
+    "StrategyResult": "harness.results", "StudyResult": "harness.results",
+    "judge": "harness.runs", "render": "harness.runs", "render_reference": "harness.runs",
+    "read_estimate": "harness.exr", "write_estimate": "harness.exr",
+    "study": "harness.studies",
+}
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'harness' has no attribute '{name}'")
+    return getattr(importlib.import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -13,8 +13,8 @@ from harness.errors import StoreError
 from harness.estimate import Accumulator
 from harness.files import data_dir, write_atomically
 from harness.reference.renderer import ReferenceRenderer
+from harness.runs import Progress, Renderer, quiet, versions
 from harness.scene import load_scene
-from harness.study import Progress, Renderer, quiet, versions
 from harness.tracer.renderer import TracerRenderer
 
 # Seconds of wall time that one measurement of one renderer should take: long against timer and launch overhead.

@@ -17,7 +17,7 @@ LAYERS = (
     ("errors",),
     ("estimate", "scene", "metrics", "stats", "mitsuba_runtime", "files", "images"),
     ("tracer", "reference", "exr"),
-    ("store", "results", "study", "doctor"),
+    ("store", "results", "runs", "studies", "doctor"),
     ("gates", "mutants", "report", "bench"),
     ("cli", "pytest_plugin"),
     ("__init__", "__main__"),

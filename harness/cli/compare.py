@@ -34,7 +34,7 @@ def compare(
 
     Example: `harness compare spheres.exr truth.exr --tolerance 0.002`
     """
-    from harness import study
+    from harness import runs
     from harness.exr import read_estimate
 
     images = [read_estimate(path) for path in (test, reference)]
@@ -46,7 +46,7 @@ def compare(
     values = _metrics(ours, truth, exposure)
     known = bool((ours.image_variance == ours.image_variance).all() and
                  (truth.image_variance == truth.image_variance).all())
-    verdict = study.judge(ours, truth, tolerance=tolerance, confidence=confidence) if known else None
+    verdict = runs.judge(ours, truth, tolerance=tolerance, confidence=confidence) if known else None
     if json:
         print_json({"test": test, "reference": reference, "exposure": exposure, **values, "verdict": verdict})
     else:

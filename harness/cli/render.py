@@ -13,8 +13,8 @@ from harness.errors import HarnessError
 
 if TYPE_CHECKING:
     from harness.estimate import Estimate
+    from harness.runs import Renderer
     from harness.scene import Scene
-    from harness.study import Renderer
 
 OutputOption = Annotated[Path | None, typer.Option(
     "--output", "-o", help="File to write: .exr (linear, with variance and metadata) or .png (ready to look at).")]
@@ -83,10 +83,10 @@ def _render(renderer: Renderer, scene: Scene, target: Path, spp: int, replica: i
             labels: dict[str, Any]) -> None:
     from harness.exr import write_estimate
     from harness.images import write_png
-    from harness.study import estimate
+    from harness.runs import render_estimate
 
     with progress(spp, f"{scene.name} {labels['strategy']}") as advance:
-        result = estimate(renderer, spp, replica=replica, store=open_store(cache), advance=advance)
+        result = render_estimate(renderer, spp, replica=replica, store=open_store(cache), advance=advance)
     facts = {**labels, "scene": scene.name, "spp": spp, "replica": replica, "exposure": scene.exposure,
              **{f"harness.{key}": value for key, value in renderer.identity.items()}}
     if target.suffix.lower() == ".png":

@@ -16,11 +16,11 @@ from harness.errors import HarnessError, StoreError
 
 if TYPE_CHECKING:
     from harness.results import StudyResult
-    from harness.study import Profile
+    from harness.studies import Profile
 
 # What a study's numbers depend on besides its scene and settings: the code that makes them.
-_CODE = ("estimate.py", "metrics.py", "study.py", "store.py", "results.py", "scene", "stats", "tracer", "reference",
-         "report/storage.py")
+_CODE = ("estimate.py", "metrics.py", "runs.py", "studies.py", "store.py", "results.py", "scene", "stats", "tracer",
+         "reference", "report/storage.py")
 
 
 def report(
@@ -39,7 +39,7 @@ def report(
     """
     from harness.files import data_dir, require_writable
     from harness.report import build_report
-    from harness.study import PROFILES
+    from harness.studies import PROFILES
 
     began = time.perf_counter()
     chosen = scenes or sorted(data_dir("mitsuba_scenes").glob("*.xml"))
@@ -68,8 +68,9 @@ def _studied(path: Path, profile: Profile) -> StudyResult:
     from harness.cli.options import open_scene
     from harness.files import cache_dir
     from harness.report.storage import load_study, save_study
+    from harness.runs import versions
     from harness.scene import describe
-    from harness.study import study, versions
+    from harness.studies import study
 
     scene = open_scene(path)
     key = {"scene": scene.content_hash, "name": scene.name, "exposure": scene.exposure, "notes": scene.notes,

@@ -45,7 +45,7 @@ def study(
 
     Example: `harness study mitsuba_scenes/spheres.xml --strategies uniform,cosine,mixture --spp 4096 --replicas 8`
     """
-    from harness import study as studies
+    from harness import studies
     from harness.exr import read_estimate
 
     loaded = open_scene(scene, size)

@@ -1,0 +1,1 @@
+"""The GLSL side: source assembly, scene to GLSL, headless rendering, probes."""

@@ -95,7 +95,7 @@ def _normal(shapes: Sequence[Shape]) -> list[str]:
              "    vec3 n = vec3(0.0, 0.0, 1.0);"]
     spheres = [(i, s) for i, s in enumerate(shapes) if s.kind == "sphere"]
     if spheres:
-        lines.append("    vec4 sphere = vec4(0.0, 0.0, 0.0, 1.0);  // centre, and 1 over the radius, signed by the side")
+        lines.append("    vec4 sphere = vec4(0.0, 0.0, 0.0, 1.0);  // centre, and 1 / radius with the side's sign")
         for index, shape in spheres:
             center, radius = _sphere(shape)
             value = _vec((*center, (-1 if shape.flip_normals else 1) / radius))

@@ -37,7 +37,8 @@ def context() -> moderngl.Context:
     owner = getattr(_local, "owner", None)
     if owner is None:
         try:
-            created = moderngl.create_context(standalone=True, require=430, backend="egl", libgl="libEGL.so.1")
+            options: dict[str, Any] = {"backend": "egl", "libgl": "libEGL.so.1"}
+            created = moderngl.create_context(standalone=True, require=430, **options)
         except Exception as error:  # moderngl raises bare Exception
             raise MachineError(
                 f"no headless OpenGL 4.3: {' '.join(str(error).split())}; on Debian or Ubuntu type: "
@@ -46,7 +47,8 @@ def context() -> moderngl.Context:
     elif owner != os.getpid():
         raise MachineError("a forked process cannot use its parent's GL context; start workers with the "
                            "multiprocessing method 'spawn' or 'forkserver'")
-    return _local.context  # type: ignore[no-any-return]
+    found: moderngl.Context = _local.context
+    return found
 
 
 def describe_gl() -> dict[str, str]:
@@ -71,7 +73,7 @@ class Program:
         """Set uniforms; one that the compiler optimised away is left alone."""
         for name, value in uniforms.items():
             member = self._program.get(name, None)
-            if member is not None:
+            if isinstance(member, moderngl.Uniform):
                 member.value = value
 
     def draw(self) -> None:

@@ -1,36 +1,37 @@
-"""Renders through the store: estimates of one renderer, and convergence studies of several strategies."""
+"""Convergence studies: several strategies on one scene against one reference, as curves, verdicts and costs."""
 
 from __future__ import annotations
 
 import math
-import platform
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import metadata
-from typing import Protocol
 
 import numpy as np
 
 from harness import metrics
 from harness.errors import HarnessError
-from harness.estimate import Accumulator, Batch, Estimate, luminance
-from harness.reference.renderer import ReferenceRenderer
+from harness.estimate import Accumulator, Estimate, luminance
 from harness.results import StrategyResult, StudyResult
+from harness.runs import (
+    CONFIDENCE,
+    TOLERANCE,
+    Advance,
+    Progress,
+    batches,
+    equal_batches,
+    judge,
+    quiet,
+    render_reference,
+    versions,
+)
 from harness.scene import Scene, describe
-from harness.stats.bias import MeanErrorVerdict, error_scale, mean_error_verdict
+from harness.stats.bias import error_scale
 from harness.stats.convergence import fit_slope
-from harness.store import Store, schedule
-from harness.tracer.context import describe_gl
+from harness.store import Store
 from harness.tracer.renderer import TracerRenderer, check_strategy, suitable_strategies
 
 # A reference of this many times the samples of one replica adds little to what is compared with it.
 REFERENCE_FACTOR = 4
-# The bias that an equivalence verdict tolerates, and its confidence, unless the caller says otherwise.
-TOLERANCE = 0.002
-CONFIDENCE = 0.95
-# Equal batches that a run is cut into at the least, for its variance; see `equal_batches`.
-MIN_EQUAL_BATCHES = 8
 # Replicas that a study may add to those asked for, as a multiple of them, where its verdict needs them.
 MAX_REPLICA_FACTOR = 8
 # The half-width of the error's interval that a study aims at, as a part of the tolerance: an unbiased strategy whose
@@ -39,6 +40,7 @@ PRECISION = 0.4
 STUDENT = 2.0  # two-sided 95 % quantile of Student's t at about 60 degrees of freedom
 # A strategy whose standard deviation per sample is below this part of the image's mean is exact but for rounding.
 EXACT = 1e-4
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -53,80 +55,6 @@ PROFILES = {
     "quick": Profile(spp=1024, replicas=8, reference_spp=4096),
     "full": Profile(spp=8192, replicas=12, reference_spp=65536),
 }
-
-Advance = Callable[[float], None]
-Progress = Callable[[float | None, str], AbstractContextManager[Advance]]
-
-
-class Renderer(Protocol):
-    """What renders batches: the tracer, the reference, or anybody's black box."""
-
-    @property
-    def identity(self) -> Mapping[str, str]:
-        """All that a batch depends on besides replica and sample range."""
-        ...
-
-    def render_batch(self, replica: int, start: int, count: int, advance: Advance | None = None) -> Batch:
-        """Samples start … start+count-1 of one replica."""
-        ...
-
-
-@contextmanager
-def quiet(total: float | None, description: str) -> Iterator[Advance]:
-    """The progress display that shows nothing."""
-    yield lambda n: None
-
-
-def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
-            advance: Advance = lambda n: None) -> Iterator[Batch]:
-    """The first `samples` samples per pixel of one replica, batch by batch in the store's fixed schedule.
-
-    What the store already holds is read, the rest rendered and kept. HarnessError for fewer than one sample.
-    """
-    if samples < 1:
-        raise HarnessError(f"samples per pixel must be at least 1, found {samples}")
-    identity = dict(renderer.identity)
-    for start, count in schedule(samples):
-        def render(start: int = start, count: int = count) -> Batch:
-            return renderer.render_batch(replica, start, count)
-
-        yield store.get_or_render(identity, replica, start, count, render) if store else render()
-        advance(count)
-
-
-def equal_batches(run: Iterable[Batch], samples: int) -> Iterator[Batch]:
-    """The small batches that a run begins with, merged until all are about equal and there are enough of them.
-
-    The variance by batch means is unbiased for unequal batches too, but the smallest batches of a heavy-tailed
-    estimator are the noisiest witnesses of its variance, and merging them loses no more than a few degrees of freedom.
-    """
-    size = max(1, samples // MIN_EQUAL_BATCHES)
-    pending: list[Batch] = []
-    for batch in run:
-        pending.append(batch)
-        if sum(b.samples for b in pending) >= min(size, schedule(samples)[-1][1]):
-            yield _merged(pending)
-            pending = []
-    if pending:
-        yield _merged(pending)
-
-
-def estimate(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
-             advance: Advance = lambda n: None) -> Estimate:
-    """Mean and variance of `samples` samples per pixel of one replica."""
-    accumulator = Accumulator()
-    for batch in equal_batches(batches(renderer, samples, replica=replica, store=store, advance=advance), samples):
-        accumulator.add(batch)
-    return accumulator.estimate()
-
-
-def judge(test: Estimate, reference: Estimate, *, tolerance: float = TOLERANCE,
-          confidence: float = CONFIDENCE) -> MeanErrorVerdict:
-    """Is the test's image mean equivalent to the reference's, per channel and in luminance?"""
-    return mean_error_verdict(
-        test.image_mean, test.image_variance, _degrees_of_freedom(test),
-        reference.image_mean, reference.image_variance, _degrees_of_freedom(reference),
-        tolerance=tolerance, confidence=confidence)
 
 
 def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1024, replicas: int = 8,
@@ -150,7 +78,7 @@ def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1
         check_strategy(scene, name)
     kind = "given" if reference else "Mitsuba"
     if reference is None:
-        reference = reference_estimate(scene, reference_spp or REFERENCE_FACTOR * spp, store=store, progress=progress)
+        reference = render_reference(scene, reference_spp or REFERENCE_FACTOR * spp, store=store, progress=progress)
     if reference.mean.shape[:2] != (scene.height, scene.width):
         raise HarnessError(f"the reference is {reference.mean.shape[1]} x {reference.mean.shape[0]} pixels, the scene "
                            f"{scene.width} x {scene.height}; render both at the same size")
@@ -161,13 +89,6 @@ def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1
         scene=scene.name, description=describe(scene.path) if scene.path else "", scene_hash=scene.content_hash,
         exposure=scene.exposure, reference=reference, reference_kind=kind, strategies=tuple(results),
         notes=scene.notes, provenance=_provenance(scene, plan, reference))
-
-
-def reference_estimate(scene: Scene, spp: int, *, store: Store | None = None, progress: Progress = quiet) -> Estimate:
-    """Mitsuba's image of the scene with `spp` samples per pixel."""
-    renderer = ReferenceRenderer(scene)
-    with progress(spp, f"{scene.name} reference") as advance:
-        return estimate(renderer, spp, store=store, advance=advance)
 
 
 @dataclass(frozen=True)
@@ -274,30 +195,6 @@ def _curve_point(mean: np.ndarray, reference: Estimate, scene: Scene) -> tuple[f
 def _is_exact(estimate: Estimate) -> bool:
     deviation = math.sqrt(float(np.mean(estimate.variance)) * estimate.samples)
     return deviation <= EXACT * float(np.mean(estimate.mean))
-
-
-def _degrees_of_freedom(estimate: Estimate) -> float:
-    return math.inf if estimate.batches == 0 else estimate.batches - 1
-
-
-def _merged(parts: Sequence[Batch]) -> Batch:
-    if len(parts) == 1:
-        return parts[0]
-    samples = sum(part.samples for part in parts)
-    total = sum(part.mean.astype(np.float64) * part.samples for part in parts)
-    return Batch(np.asarray(total / samples), samples, sum(part.rejected for part in parts),
-                 sum(part.cpu_seconds for part in parts))
-
-
-def versions() -> dict[str, str]:
-    """Versions of all that numbers depend on: packages, Python, the GL driver."""
-    packages = ("glsl-validation-harness", "mitsuba", "drjit", "moderngl", "numpy", "scikit-image", "colour-science",
-                "flip-evaluator")
-    return {
-        **{name: metadata.version(name) for name in packages},
-        "python": platform.python_version(),
-        **describe_gl(),
-    }
 
 
 def _provenance(scene: Scene, plan: _Plan, reference: Estimate) -> dict[str, str]:
