@@ -86,4 +86,4 @@ def equal_error(result: StudyResult) -> EqualError | None:
 
 def _final_rmse(strategy: StrategyResult, slope: Slope) -> float:
     """The fitted line's RMSE at the end of the run: steadier than the last point alone."""
-    return slope.coefficient * float(strategy.spp[-1]) ** slope.slope
+    return float(slope.coefficient * float(strategy.spp[-1]) ** slope.slope)

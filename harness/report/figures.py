@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from harness.report.formats import MINUS, number
 from harness.report.style import GUIDE_COLOUR, RC, TOLERANCE_COLOUR, strategy_style
@@ -20,9 +20,10 @@ from harness.results import StrategyResult, StudyResult
 from harness.stats.convergence import band
 
 _CM = 1 / 2.54
-WIDTH_CM, HEIGHT_CM = 17.0, 6.4  # the page's text width; the figure is printed at its own size
+WIDTH_CM, HEIGHT_CM = 17.0, 7.2  # the page's text width; the figure is printed at its own size
 
-_MAX_TICKS = 6
+LEGEND_COLUMNS = 3
+_MIN_TICKS, _MAX_TICKS = 3, 6
 # Merged estimates of several strategies share one number of samples: their error bars stand side by side.
 _DODGE = 1.12
 
@@ -33,16 +34,17 @@ def curves_svg(result: StudyResult) -> bytes:
     Bands are Student confidence intervals over the replicas, at the confidence of the scene's verdicts; error bars
     in the middle panel are the verdict's own interval, of the estimate that merges all replicas.
     """
-    with matplotlib.rc_context({**RC, "svg.hashsalt": result.scene}):
+    settings: Any = {**RC, "svg.hashsalt": result.scene}  # the salt makes equal figures equal files
+    with matplotlib.rc_context(settings):
         figure = Figure(figsize=(WIDTH_CM * _CM, HEIGHT_CM * _CM))
         FigureCanvasSVG(figure)
         panels = figure.subplots(1, 3)
-        figure.subplots_adjust(left=0.066, right=0.995, bottom=0.145, top=0.815, wspace=0.36)
+        figure.subplots_adjust(left=0.055, right=0.995, bottom=0.13, top=0.78, wspace=0.27)
         _rmse_panel(panels[0], result)
         _mean_error_panel(panels[1], result)
         _ssim_panel(panels[2], result)
-        figure.legend(handles=_legend_handles(result), loc="upper center", bbox_to_anchor=(0.5, 1.015),
-                      ncols=_legend_columns(result), frameon=False, handlelength=2.2, columnspacing=1.6,
+        figure.legend(handles=_legend_handles(result), loc="upper left", bbox_to_anchor=(0.0, 1.0),
+                      ncols=LEGEND_COLUMNS, frameon=False, handlelength=2.2, columnspacing=1.6,
                       handletextpad=0.5, borderaxespad=0.2)
         buffer = io.BytesIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
@@ -55,15 +57,16 @@ def _rmse_panel(axes: Axes, result: StudyResult) -> None:
     axes.set_yscale("log")
     _draw_bands(axes, result, lambda strategy: strategy.rmse, log=True)
     _slope_guides(axes)
-    axes.yaxis.set_major_locator(LogLocator(base=10, numticks=7))
+    axes.yaxis.set_major_locator(FixedLocator(_log_ticks(*axes.get_ylim())))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
     axes.yaxis.set_minor_locator(NullLocator())
-    axes.set_title("RMSE, in the scene's radiance unit", loc="left")
+    axes.set_title("RMSE (radiance)", loc="left")
 
 
 def _mean_error_panel(axes: Axes, result: StudyResult) -> None:
     """Signed mean error in percent: linear inside the tolerance, logarithmic outside."""
     tolerance = 100 * max(strategy.verdict.tolerance for strategy in result.strategies)
-    _spp_axis(axes, result)
+    _spp_axis(axes, result, merged=True)
     axes.set_yscale("symlog", linthresh=tolerance, linscale=1.0)
     axes.axhspan(-tolerance, tolerance, color=TOLERANCE_COLOUR, linewidth=0, zorder=0)
     axes.axhline(0, color="#888888", linewidth=0.5, zorder=1)
@@ -73,7 +76,7 @@ def _mean_error_panel(axes: Axes, result: StudyResult) -> None:
         value, low, high = (100 * float(bound[3]) for bound in (
             strategy.verdict.error, strategy.verdict.low, strategy.verdict.high))
         style = strategy_style(strategy.strategy)
-        x = max(strategy.estimate.samples, 1) * 1.6 * _DODGE ** (2 * (index - middle))
+        x = max(strategy.estimate.samples, 1) * _DODGE ** (2 * (index - middle))
         if np.isfinite([low, high]).all():
             axes.errorbar(x, value, [[max(value - low, 0)], [max(high - value, 0)]], color=style.colour,
                           marker=style.marker, capsize=1.6, capthick=0.7, elinewidth=0.9, zorder=4)
@@ -97,10 +100,10 @@ def _ssim_panel(axes: Axes, result: StudyResult) -> None:
     axes.invert_yaxis()
     low, high = sorted(axes.get_ylim())
     axes.set_ylim(min(high, 1.5), low)
-    axes.yaxis.set_major_locator(FixedLocator(_ssim_ticks(low, min(high, 1.5))))
+    axes.yaxis.set_major_locator(FixedLocator(_log_ticks(low, min(high, 1.0))))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{1 - y:.6g}"))
     axes.yaxis.set_minor_locator(NullLocator())
-    axes.set_title("SSIM (axis: log of 1 − SSIM, best on top)", loc="left")
+    axes.set_title("SSIM", loc="left")
 
 
 def _draw_bands(axes: Axes, result: StudyResult, values: Callable[[StrategyResult], np.ndarray], *,
@@ -117,6 +120,9 @@ def _draw_bands(axes: Axes, result: StudyResult, values: Callable[[StrategyResul
         axes.fill_between(spp[banded], low[shown][banded], high[shown][banded], color=style.colour, alpha=0.18,
                           linewidth=0, zorder=2)
         axes.plot(spp, mean[shown], color=style.colour, marker=style.marker, zorder=3, **_line(strategy))
+    if not axes.has_data():
+        axes.text(0.5, 0.5, "nothing to draw on a log axis" if log else "no finite value", ha="center", va="center",
+                  transform=axes.transAxes, color="#777777")
 
 
 def _line(strategy: StrategyResult) -> dict[str, Any]:
@@ -124,10 +130,11 @@ def _line(strategy: StrategyResult) -> dict[str, Any]:
     return {} if strategy.suits else {"linestyle": (0, (3, 2)), "markerfacecolor": "white"}
 
 
-def _spp_axis(axes: Axes, result: StudyResult) -> None:
-    """A logarithmic axis of samples per pixel with a few powers of two written out."""
+def _spp_axis(axes: Axes, result: StudyResult, *, merged: bool = False) -> None:
+    """A logarithmic axis of samples per pixel with a few powers of two written out; `merged`: up to all replicas'."""
     axes.set_xscale("log", base=2)
-    spp = np.concatenate([strategy.spp for strategy in result.strategies])
+    spp = np.concatenate([strategy.spp for strategy in result.strategies]
+                         + [[max(s.estimate.samples, 1) for s in result.strategies] if merged else []])
     first, last = int(np.floor(np.log2(spp.min()))), int(np.ceil(np.log2(spp.max())))
     step = max(1, -(-(last - first) // (_MAX_TICKS - 1)))
     axes.xaxis.set_major_locator(FixedLocator([2.0**k for k in range(first, last + 1, step)]))
@@ -147,13 +154,13 @@ def _slope_guides(axes: Axes) -> None:
     axes.set_ylim(bottom, top)
 
 
-def _ssim_ticks(low: float, high: float) -> list[float]:
-    """Values of 1 - SSIM to label, decades first, with halves and fifths between where few decades are in view."""
-    decades = [10.0**k for k in range(-6, 1) if low <= 10.0**k <= high]
-    if len(decades) >= 3:
-        return decades
-    fine = [m * 10.0**k for k in range(-6, 1) for m in (1, 2, 5)]
-    return [y for y in fine if low <= y <= min(high, 1.0)]
+def _log_ticks(low: float, high: float) -> list[float]:
+    """Values to label on a log axis: decades, with halves and fifths between where few decades are in view."""
+    exponents = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    decades = [float(f"1e{k}") for k in exponents if low <= 10.0**k <= high]
+    if len(decades) >= _MIN_TICKS:
+        return decades[:: -(-len(decades) // _MAX_TICKS)]
+    return [tick for k in exponents for m in (1, 2, 5) if low <= (tick := float(f"{m}e{k}")) <= high]
 
 
 def _percent_tick(value: float, _: object = None) -> str:
@@ -161,19 +168,21 @@ def _percent_tick(value: float, _: object = None) -> str:
     return f"{sign}{abs(value):g} %"
 
 
+def _slope_words(strategy: StrategyResult) -> str:
+    slope = strategy.slope
+    if slope is None:
+        return "no slope"
+    if not np.isfinite(slope.low):
+        return f"slope {number(slope.slope, 3)}"
+    return f"slope {number(slope.slope, 3)} ± {number((slope.high - slope.low) / 2, 3)}"
+
+
 def _legend_handles(result: StudyResult) -> list[Line2D]:
     handles = []
     for strategy in result.strategies:
         style = strategy_style(strategy.strategy)
-        slope = "no noise" if strategy.slope is None else f"slope {number(strategy.slope.slope, 2)}"
-        remark = "" if strategy.suits else ", not suited"
+        remark = "" if strategy.suits else " (not suited)"
         handles.append(Line2D([], [], color=style.colour, marker=style.marker,
-                              label=f"{strategy.strategy} ({slope}{remark})", **_line(strategy)))
+                              label=f"{strategy.strategy}{remark}: {_slope_words(strategy)}", **_line(strategy)))
     handles.append(Line2D([], [], color=GUIDE_COLOUR, linewidth=0.8, label=f"slope {MINUS}1/2"))
     return handles
-
-
-def _legend_columns(result: StudyResult) -> int:
-    """Entries in one line where they fit the width, else two lines."""
-    entries = len(result.strategies) + 1
-    return entries if entries <= 5 else -(-entries // 2)

@@ -22,6 +22,8 @@ def number(value: float, decimals: int, *, sign: bool = False) -> str:
     if not math.isfinite(value):
         return MISSING
     text = f"{value:{'+' if sign else ''},.{decimals}f}"
+    if float(text.replace(",", "")) == 0:  # a zero after rounding has no sign to speak of
+        text = text.lstrip("+-")
     return text.replace("-", MINUS)
 
 
@@ -52,6 +54,11 @@ def percent(fraction: float, *, sign: bool = False, unit: bool = True) -> str:
     return f"{text}{NBSP}%" if unit and text != MISSING else text
 
 
+def tolerance(fraction: float) -> str:
+    """A bound that somebody chose, as short as it was chosen: 0.002 -> '±0.2 %'."""
+    return f"±{100 * fraction:g}{NBSP}%"
+
+
 def percent_interval(fraction: float, low: float, high: float, *, unit: bool = True) -> str:
     """A signed fraction and its interval: '+0.031 % ± 0.050 %', or '+3.1 % [+1.0, +9.4] %' where it is lopsided."""
     value, down, up = 100.0 * fraction, 100.0 * (fraction - low), 100.0 * (high - fraction)
@@ -74,13 +81,27 @@ def interval(value: float, low: float, high: float, decimals: int) -> str:
 
 
 def ratio(value: float, low: float, high: float) -> str:
-    """A positive factor and its interval, to two or three significant digits: '5.1 × [4.4, 5.9]'."""
-    if not math.isfinite(value):
-        return MISSING
-    centre = f"{significant(value, 3 if value >= 10 else 2)}{TIMES}"
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return centre
-    return f"{centre}{NBSP}[{significant(low, 2)},{NBSP}{significant(high, 2)}]"
+    """A positive factor and its interval, as precise as the interval allows: '5.1 × [4.4, 5.9]'."""
+    centre, bounds = spread(value, low, high)
+    return centre if centre == MISSING else f"{centre}{TIMES}{NBSP}{bounds}".rstrip(NBSP)
+
+
+def spread(value: float, low: float, high: float) -> tuple[str, str]:
+    """A positive value and its interval, '5.1' and '[4.4, 5.9]', to one digit of the half width.
+
+    The value keeps two significant digits at the least and three at most. The interval is empty
+    where unknown or unbounded.
+    """
+    if not math.isfinite(value) or value <= 0:
+        return MISSING, ""
+    if not (math.isfinite(low) and math.isfinite(high) and low > 0):
+        return significant(value), ""
+    magnitude = math.floor(math.log10(value))
+    half = (high - low) / 2
+    wanted = -math.floor(math.log10(half)) if half > 0 else 2 - magnitude
+    decimals = min(max(wanted, 1 - magnitude), 2 - magnitude)
+    shown = [number(round(bound, decimals), max(decimals, 0)) for bound in (value, low, high)]
+    return shown[0], f"[{shown[1]},{NBSP}{shown[2]}]"
 
 
 def count(value: float) -> str:
@@ -92,7 +113,7 @@ def duration(seconds: float) -> str:
     """Seconds in the unit a reader thinks in: '0.45 ms', '3.20 s', '12.5 min', '2.10 h'."""
     if not math.isfinite(seconds):
         return MISSING
-    for limit, scale, unit in ((1e-3, 1e6, "µs"), (1.0, 1e3, "ms"), (120.0, 1.0, "s"), (7200.0, 60.0, "min")):
+    for limit, scale, unit in ((1e-3, 1e6, "µs"), (1.0, 1e3, "ms"), (120.0, 1.0, "s"), (7200.0, 1 / 60, "min")):
         if seconds < limit:
             return f"{significant(seconds * scale)}{NBSP}{unit}"
     return f"{significant(seconds / 3600.0)}{NBSP}h"
@@ -106,6 +127,12 @@ def words(items: list[str]) -> str:
 def plural(n: int, noun: str, nouns: str = "") -> str:
     """'1 pair', '3 pairs'."""
     return f"{count(n)}{NBSP}{noun if n == 1 else nouns or noun + 's'}"
+
+
+def sentence(text: str) -> str:
+    """Words from elsewhere as a sentence: a capital first, a full stop last."""
+    text = text.strip()
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "!", "?")) else ".")
 
 
 def typographic(text: str) -> str:

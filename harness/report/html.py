@@ -131,7 +131,7 @@ def _table(table: Table) -> str:
 def _cell(cell: Cell, align: str, *, wide: bool) -> str:
     text = escape(cell.text)
     if cell.target:
-        text = f'<a href="#{cell.target}">{text}</a>'
+        text = f'<a href="#{cell.target}">{text.replace("_", "_<wbr>")}</a>'
     if cell.mark:
         text = f'<span class="{cell.mark}">{_mark(cell.mark, SYMBOLS[cell.mark])} {text}</span>'
     spans = (f' rowspan="{cell.rows}"' if cell.rows > 1 else "") + (

@@ -39,7 +39,8 @@ def _split(results: Sequence[StudyResult]) -> tuple[dict[str, str], dict[str, di
 
 def _scene_table(results: Sequence[StudyResult], own: Mapping[str, Mapping[str, str]]) -> Table:
     """One row for each setting of a scene: settings vary in number, and their values in length."""
-    rows, rules = [], []
+    rows: list[tuple[Cell, ...]] = []
+    rules: list[int] = []
     for result in results:
         stops = f"{formats.number(result.exposure, 2, sign=True)} stops"
         settings = {"scene hash": result.scene_hash, "exposure": stops,
@@ -73,31 +74,32 @@ def _reference_table(results: Sequence[StudyResult]) -> Table:
 
 
 def speed_table(bench: Mapping[str, Any]) -> Table:
-    """The benchmark as a table. StoreError when `bench` is not of this form:
+    """The benchmark as a table, from what `bench.save` writes: `rows`, one a measured case.
 
-    `comparisons`: a list of objects with `scene`, `strategy`, `opponent` (words), `glsl_samples_per_second`,
-    `opponent_samples_per_second` (per second of CPU time), `ratio`, `low`, `high` and `target` (the least ratio asked
-    for, or None). `note`: words for the caption, optional.
+    StoreError when `bench` is not of that form.
     """
-    rows = []
     try:
-        for row in bench["comparisons"]:
-            target = row["target"]
-            mark: Mark = "" if target is None else "pass" if row["ratio"] >= target else "fail"
-            rows.append((Cell(str(row["scene"])), Cell(str(row["strategy"])), Cell(str(row["opponent"])),
-                         Cell(_mega(row["glsl_samples_per_second"])), Cell(_mega(row["opponent_samples_per_second"])),
-                         Cell(formats.ratio(row["ratio"], row["low"], row["high"])),
-                         Cell(formats.MISSING if target is None else f"≥{formats.NBSP}{target:g}{formats.TIMES}"),
-                         Cell(mark or formats.MISSING, mark)))
+        rows = [_speed_row(row) for row in bench["rows"]]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise StoreError(f"benchmark results: {type(error).__name__} at {error}; run the benchmark again") from error
-    caption = ("Speed: millions of samples per second of CPU time, GLSL and opponent in turns in one run on the same "
-               "cores; medians, and their ratio with its spread. " + str(bench.get("note", ""))).strip()
-    columns = (Column("Scene"), Column("Strategy"), Column("Against", share=1), Column("GLSL\nM/s", "right"),
-               Column("Opponent\nM/s", "right"), Column("Ratio", "right"), Column("Target", "right"),
-               Column("Verdict"))
+    caption = (
+        "Speed: millions of samples (paths) per second of CPU time, the GLSL tracer and a Mitsuba integrator in turns "
+        "in one run on the same cores. Medians over the rounds; of their ratio also the extremes. path: Mitsuba's own "
+        "path tracer, which samples light sources as well; bsdf_path: the tracer's algorithm as a Mitsuba integrator. "
+        "Elapsed: the ratio by wall clock. Equal error: the ratio of 1 / (variance × CPU time), how much sooner the "
+        "tracer reaches the same error.")
+    columns = (Column("Scene", share=1), Column("Strategy"), Column("Against"), Column("GLSL\nM/s", "right"),
+               Column("Mitsuba\nM/s", "right"), Column("Ratio", "right"), Column("Target", "right"),
+               Column("Verdict"), Column("Elapsed", "right"), Column("Equal\nerror", "right"))
     return Table(caption, columns, tuple(rows))
 
 
-def _mega(rate: float) -> str:
-    return formats.significant(rate / 1e6)
+def _speed_row(row: Mapping[str, Any]) -> tuple[Cell, ...]:
+    value, low, high, needed = (float(row[name]) for name in ("ratio", "low", "high", "needed"))
+    mark: Mark = "pass" if value >= needed else "fail"
+    rates = (Cell(formats.significant(float(row[name]))) for name in ("tracer_rate", "opponent_rate"))
+    others = (Cell(f"{formats.significant(float(row[name]), 2)}{formats.TIMES}")
+              for name in ("wall_ratio", "efficiency_ratio"))
+    return (Cell(str(row["scene"])), Cell(str(row["strategy"])), Cell(str(row["opponent"])), *rates,
+            Cell(formats.ratio(value, low, high)), Cell(f"≥{formats.NBSP}{needed:g}{formats.TIMES}"),
+            Cell("reached" if mark == "pass" else "missed", mark), *others)

@@ -69,19 +69,22 @@ def _facts(result: StudyResult) -> tuple[str, ...]:
     height, width = result.reference.mean.shape[:2]
     reference = result.reference
     spp = f", {formats.count(reference.samples)} samples per pixel" if reference.samples else ""
-    own = max((float(strategy.spp[-1]), strategy.rmse.shape[0]) for strategy in result.strategies)
+    replicas = [strategy.rmse.shape[0] for strategy in result.strategies]
+    counts = formats.words([formats.count(n) for n in sorted({min(replicas), max(replicas)})]).replace(" and ", " to ")
+    lengths = formats.words([formats.count(n) for n in sorted({int(s.spp[-1]) for s in result.strategies})])
     return (f"{width} × {height} pixels", f"reference: {result.reference_kind}{spp}",
-            f"each strategy: {formats.plural(own[1], 'replica')} of {formats.count(own[0])} samples per pixel",
-            f"exposure {formats.number(result.exposure, 1, sign=True)} stops", f"scene {result.scene_hash}")
+            f"each strategy: {counts} {'replica' if max(replicas) == 1 else 'replicas'} of {lengths} samples per pixel",
+            f"exposure {formats.number(result.exposure, 1, sign=True)} stops")
 
 
 def _remarks(result: StudyResult) -> tuple[Remark, ...]:
     """Notes of the loader, strategies that do not suit and why, exact ones, rejected samples."""
-    remarks = [Remark(note) for note in result.notes]
+    remarks = [Remark(formats.sentence(note)) for note in result.notes]
     for strategy in result.strategies:
         if not strategy.suits or strategy.warning:
             head = strategy.strategy if strategy.suits else f"{strategy.strategy} does not suit this scene"
-            remarks.append(Remark(f"{head}: {strategy.warning}" if strategy.warning else f"{head}.", "warning"))
+            told = f"{head}: {formats.sentence(strategy.warning)}" if strategy.warning else f"{head}."
+            remarks.append(Remark(told, "warning"))
         if is_exact(strategy):
             remarks.append(Remark(f"{strategy.strategy} is exact here: every sample gives the same answer, so there "
                                   "is no noise to fit a slope to.", "exact"))

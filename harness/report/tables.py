@@ -56,13 +56,14 @@ def slope_text(strategy: StrategyResult) -> str:
 
 def verdict_table(results: Sequence[StudyResult], anchors: Sequence[str]) -> Table:
     """Scene × strategy: mean error, its tolerance and verdict, slope and verdict; scenes lead to their `anchors`."""
-    rows, rules = [], []
+    rows: list[tuple[Cell, ...]] = []
+    rules: list[int] = []
     for result, anchor in zip(results, anchors, strict=True):
         rules.append(len(rows))
         for index, strategy in enumerate(result.strategies):
             first = (Cell(result.scene, rows=len(result.strategies), target=anchor),) if index == 0 else ()
             rows.append((*first, strategy_cell(strategy), Cell(formats.count(strategy.estimate.samples)),
-                         Cell(error_text(strategy, LUMINANCE)), Cell(f"±{formats.percent(strategy.verdict.tolerance)}"),
+                         Cell(error_text(strategy, LUMINANCE)), Cell(formats.tolerance(strategy.verdict.tolerance)),
                          *_verdict_cells(strategy)))
     confidence = _confidence_text([strategy for result in results for strategy in result.strategies])
     caption = (
@@ -110,7 +111,7 @@ def accuracy_table(result: StudyResult) -> Table:
 def cost_table(result: StudyResult, equal: EqualError) -> Table:
     """What equal error costs: samples and CPU time of each strategy, and how many times less than the baseline."""
     costs = {cost.strategy.strategy: cost for cost in equal.costs}
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for strategy in result.strategies:
         head = (strategy_cell(strategy), Cell(formats.duration(strategy.cpu_seconds_per_spp)),
                 Cell(formats.significant(strategy.slope.coefficient) if strategy.slope else formats.MISSING))
@@ -122,9 +123,8 @@ def cost_table(result: StudyResult, equal: EqualError) -> Table:
             continue
         gains = [formats.ratio(gain.value, gain.low, gain.high) if gain else f"1{formats.TIMES}"
                  for gain in (cost.sample_gain, cost.time_gain)]
-        spp = cost.spp
-        rows.append((*head, Cell(f"{formats.significant(spp.value)} [{formats.significant(spp.low)}, "
-                                 f"{formats.significant(spp.high)}]".replace(" ", formats.NBSP)),
+        needed = formats.NBSP.join(formats.spread(cost.spp.value, cost.spp.low, cost.spp.high))
+        rows.append((*head, Cell(needed.rstrip(formats.NBSP)),
                      Cell(formats.duration(cost.cpu_seconds.value)), *(Cell(gain) for gain in gains)))
     caption = (
         f"What equal error costs: samples and CPU time with which each strategy reaches an RMSE of "

@@ -30,6 +30,9 @@ def summary(results: Sequence[StudyResult]) -> tuple[Remark, ...]:
     pairs = [(result, strategy) for result in results for strategy in result.strategies]
     judged = [pair for pair in pairs if pair[1].suits]
     remarks = [*_agreement(judged, len(results)), *_sharpness(judged), *_convergence(judged), *_gains(results)]
+    exact = [pair for pair in judged if is_exact(pair[1])]
+    if exact:
+        remarks.append(Remark(f"Exact, with no noise to converge: {_names(exact)}.", "exact"))
     unsuited = [pair for pair in pairs if not pair[1].suits]
     if unsuited:
         remarks.append(Remark(f"Not judged: {formats.plural(len(unsuited), 'pair')} whose strategy does not suit the "
@@ -48,7 +51,7 @@ def _agreement(judged: Sequence[Pair], scenes: int) -> list[Remark]:
     for pair in judged:
         by_outcome[pair[1].verdict.outcome].append(pair)
     passed, failed, open_ = by_outcome["pass"], by_outcome["fail"], by_outcome["inconclusive"]
-    tolerances = formats.words([f"±{formats.percent(t)}" for t in sorted({s.verdict.tolerance for _, s in judged})])
+    tolerances = formats.words([formats.tolerance(t) for t in sorted({s.verdict.tolerance for _, s in judged})])
     of = f"{formats.plural(len(judged), 'pair')} of strategy and scene over {formats.plural(scenes, 'scene')}"
     remarks = []
     if failed:
@@ -61,33 +64,41 @@ def _agreement(judged: Sequence[Pair], scenes: int) -> list[Remark]:
         whole = "All" if len(passed) == len(judged) else f"{len(passed)} of"
         remarks.append(Remark(f"{whole} {of} agree with the reference within {tolerances} in every colour channel.",
                               "pass"))
-    result, worst = max(judged, key=lambda pair: abs(float(pair[1].verdict.error[LUMINANCE])))
-    remarks.append(Remark(f"The largest mean error of luminance is {error_text(worst, LUMINANCE)} "
-                          f"({result.scene}, {worst.strategy})."))
+    known = [pair for pair in judged if np.isfinite(pair[1].verdict.error[LUMINANCE])]
+    if known:
+        result, worst = max(known, key=lambda pair: abs(float(pair[1].verdict.error[LUMINANCE])))
+        remarks.append(Remark(f"The largest mean error of luminance is {error_text(worst, LUMINANCE)} "
+                              f"({result.scene}, {worst.strategy})."))
     return remarks
 
 
 def _sharpness(judged: Sequence[Pair]) -> list[Remark]:
     """What bias could have hidden: a verdict is worth no more than the smallest bias that it would have found."""
-    finite = [(float(np.max(s.verdict.smallest_detectable)), r.scene, s.strategy) for r, s in judged
-              if np.isfinite(s.verdict.smallest_detectable).all()]
-    if not finite:
-        return []
-    size, scene, strategy = max(finite)
-    return [Remark(f"With 95{formats.NBSP}% probability these samples would have revealed, in any pair, a bias of "
-                   f"{formats.percent(size)} ({scene}, {strategy}, the least sharp) or more.")]
+    detectable = [(float(np.max(s.verdict.smallest_detectable)), r.scene, s.strategy) for r, s in judged]
+    blind = [pair for pair, (size, *_) in zip(judged, detectable, strict=True) if not np.isfinite(size)]
+    remarks = []
+    if blind:
+        remarks.append(Remark(f"Nothing bounds the bias of {formats.plural(len(blind), 'pair')} whose variance is "
+                              f"unknown: {_names(blind)}.", "inconclusive"))
+    if len(blind) < len(judged):
+        size, scene, strategy = max(each for each in detectable if np.isfinite(each[0]))
+        elsewhere = "everywhere else" if not blind else "wherever else the variance is known"
+        remarks.append(Remark(
+            f"Where the test is least sharp ({scene}, {strategy}) these samples would have revealed a bias of "
+            f"{formats.percent(size)} with 95{formats.NBSP}% probability, and smaller ones {elsewhere}."))
+    return remarks
 
 
 def _convergence(judged: Sequence[Pair]) -> list[Remark]:
     """The range of slopes and how many are what Monte Carlo promises."""
-    fitted = [(pair, pair[1].slope) for pair in judged if pair[1].slope is not None]
+    fitted = [(pair, slope) for pair in judged if (slope := pair[1].slope) and np.isfinite(slope.slope)]
     if not fitted:
         return []
-    slopes = [slope.slope for _, slope in fitted if np.isfinite(slope.slope)]
+    slopes = [slope.slope for _, slope in fitted]
     marks = [slope_mark(pair[1]) for pair, _ in fitted]
     passed = marks.count("pass")
-    around = sum(slope.low <= EXPECTED_SLOPE <= slope.high for _, slope in fitted)
-    spread = f", from {formats.number(min(slopes), 3)} to {formats.number(max(slopes), 3)}" if slopes else ""
+    around = sum(slope.low <= EXPECTED_SLOPE <= slope.high and np.isfinite(slope.low) for _, slope in fitted)
+    spread = f", from {formats.number(min(slopes), 3)} to {formats.number(max(slopes), 3)}"
     mark: Mark = "fail" if "fail" in marks else "pass" if passed == len(marks) else "inconclusive"
     text = (f"RMSE falls with samples as Monte Carlo promises (slope {formats.MINUS}1/2 ± "
             f"{formats.number(SLOPE_TOLERANCE, 2)}) for {passed} of {formats.plural(len(fitted), 'fitted slope')}"
@@ -127,11 +138,6 @@ def _names(pairs: Sequence[Pair]) -> str:
     return formats.words([*named, formats.plural(rest, "other")] if rest else named)
 
 
-def exact_names(results: Sequence[StudyResult]) -> list[str]:
-    """Scene and strategy of every pair whose answer has no noise."""
-    return [f"{r.scene} with {s.strategy}" for r in results for s in r.strategies if is_exact(s)]
-
-
 def reading() -> tuple[tuple[str, str], ...]:
     """The terms of the report, each with what a reader needs to judge by it."""
     minus = formats.MINUS
@@ -156,8 +162,8 @@ def reading() -> tuple[tuple[str, str], ...]:
          "reference has noise of its own, whose variance is subtracted from the squares first; the curve is then what "
          "a perfect reference would show. A point that this would turn negative is left out."),
         ("Slope",
-         f"The error of a mean of N independent samples falls as N^({minus}1/2): on log axes, a line of slope "
-         f"{minus}1/2, parallel to the grey diagonals. The slope is fitted to each replica, an independent run of the "
+         f"The error of a mean of N independent samples falls as 1/√N: on log axes, a line of slope {minus}1/2, "
+         f"parallel to the grey diagonals. The slope is fitted to each replica, an independent run of the "
          "same length; its interval comes from their scatter. A bias bends the curve until it is level; correlated "
          "samples, or rare bright ones, change its slope."),
         ("SSIM",
