@@ -6,6 +6,7 @@ constants, and intersect_scene, surface_normal, material, emission, is_two_sided
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -29,7 +30,7 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
         "HAS_TWO_SIDED": int(any(m.two_sided for m in materials)),
     }
     parts = [
-        f"// Generated from the scene '{scene.name}' for the strategy '{strategy}'.",
+        f"// Generated from the scene '{_in_comment(scene.name)}' for the strategy '{strategy}'.",
         *(f"#define {name} {value}" for name, value in switches.items()),
         '#include "lib/phong.glsl"',
         '#include "lib/shapes.glsl"',
@@ -84,7 +85,7 @@ def _intersect(shapes: Sequence[Shape]) -> list[str]:
         "    id = -1;",
     ]
     for index, shape in enumerate(shapes):
-        note = f"  // {shape.name}" if shape.name else ""
+        note = f"  // {_in_comment(shape.name)}" if shape.name else ""
         lines.append(f"    s = hit_{shape.kind}(o, d, {_placement(shape)});{note}")
         lines.append(f"    if (s < t) {{ t = s; id = {index}; }}")
     return [*lines, "    return t;", "}", ""]
@@ -140,6 +141,11 @@ def _by_id(kind: str, name: str, values: Sequence[str], otherwise: str) -> list[
     for value, ids in ordered[1:]:
         lines.append(f"    if ({' || '.join(f'id == {index}' for index in ids)}) value = {value};")
     return [*lines, "    return value;", "}", ""]
+
+
+def _in_comment(name: str) -> str:
+    """A name that cannot end its line's comment or continue it: printable ASCII without the backslash."""
+    return re.sub(r"[^ -\[\]-~]", "?", name)
 
 
 def _vec(values: Any, convert: Callable[[float], str] | None = None) -> str:
