@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import moderngl
 import numpy as np
 
 from harness.files import data_dir
@@ -44,7 +43,8 @@ def evaluate(probe: str, *inputs: np.ndarray, outputs: int = 1, uniforms: Mappin
         program.draw()
         read = [np.frombuffer(texture.read(), dtype=np.float32).reshape(-1, 4)[:rows] for texture in targets]
     finally:
-        for resource in (program, framebuffer, *sources, *targets):
+        resources: list[Any] = [program, framebuffer, *sources, *targets]
+        for resource in resources:
             resource.release()
     return np.concatenate(read, axis=1)
 

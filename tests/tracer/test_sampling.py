@@ -130,7 +130,7 @@ def test_the_basis_is_orthonormal_and_right_handed_everywhere() -> None:
     tiny = np.geomspace(1e-7, 1e-2, 200)[:, None] * rng.normal(size=(200, 3))
     corners = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3), axis=-1).reshape(-1, 3)
     axes = np.concatenate([rng.normal(size=(50_000, 3)), corners[np.any(corners != 0, axis=1)],
-                           [0, 0, -1] + tiny, [0, 0, 1] + tiny, np.array([1, -1, 0]) + tiny, [[0, 1, -0.0]]])
+                           *(np.array(near) + tiny for near in ([0, 0, -1], [0, 0, 1], [1, -1, 0])), [[0, 1, -0.0]]])
     axes = np.float32(axes / np.linalg.norm(axes, axis=1, keepdims=True)).astype(np.float64)
     found = evaluate("basis.frag", np.c_[axes, np.zeros(len(axes))], outputs=3).reshape(-1, 3, 4)[..., :3]
     basis = found.astype(np.float64)

@@ -84,8 +84,9 @@ def rays_for(rng: np.random.Generator, matrices: list[np.ndarray]) -> tuple[np.n
     inside = local(part, 0.95)
     origins = [outside, inside, local(part, 3), local(part, 3)]
     axes = np.stack(matrices)[rng.integers(len(matrices), size=part)][:, :3, :3]
-    along = np.take_along_axis(axes, rng.integers(3, size=(part, 1, 1)), axis=2)[:, :, 0] * rng.choice([-1, 1], (part, 1))
-    leaning = axes @ np.array([1.0, 0.7, 0.0]) * rng.choice([-1, 1], (part, 1)) + 0.02 * axes[:, :, 2]
+    sign = rng.choice([-1, 1], (part, 1))
+    along = sign * np.take_along_axis(axes, rng.integers(3, size=(part, 1, 1)), axis=2)[:, :, 0]
+    leaning = sign * (axes @ np.array([1.0, 0.7, 0.0])) + 0.02 * axes[:, :, 2]
     directions = [local(part, 1.2) - outside, rng.normal(size=(part, 3)), along, leaning]
     o, d = np.concatenate(origins), np.concatenate(directions)
     return o.astype(np.float32), (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
@@ -148,8 +149,8 @@ def test_rays_along_the_axes(scene: Any, kind: str, expected: list[float], zero:
 def test_a_cube_face_has_a_unit_normal_on_edges_and_corners(scene: Any) -> None:
     """Where two or three faces meet one of them is chosen; their sum would not be a unit vector."""
     corners = np.array([[1, 1, 1], [-1, 1, 0], [0, -1, -1], [1, 0, 1]], dtype=np.float32)
-    o = 2 * corners
-    _, ids, normals, _ = trace(scene('<shape type="cube"/>'), o, -corners / np.linalg.norm(corners, axis=1, keepdims=True))
+    towards = -corners / np.linalg.norm(corners, axis=1, keepdims=True)
+    _, ids, normals, _ = trace(scene('<shape type="cube"/>'), 2 * corners, towards)
     assert (ids == 0).all()
     np.testing.assert_array_equal(np.sort(np.abs(normals), axis=1), [[0, 0, 1]] * 4)
 
