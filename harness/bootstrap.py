@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from typing import Any, Dict, Iterator, List, Optional, Tuple
 
 ROOT = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 VENV = os.path.join(ROOT, ".venv")
@@ -36,7 +37,7 @@ class SetupError(Exception):
     """The set-up cannot go on; the message says what to type."""
 
 
-def main():
+def main() -> int:
     try:
         with one_at_a_time():
             if not is_ready():
@@ -50,7 +51,7 @@ def main():
     return 0
 
 
-def set_up():
+def set_up() -> None:
     interpreter = find_python()
     if not is_usable():
         make_environment(interpreter)
@@ -62,7 +63,7 @@ def set_up():
     say("ready: .venv/bin/harness")
 
 
-def is_ready():
+def is_ready() -> bool:
     """True when an earlier run finished, from the same ingredients, in this folder, for a Python that still runs."""
     try:
         with open(STAMP) as file:
@@ -71,7 +72,7 @@ def is_ready():
         return False
 
 
-def recipe():
+def recipe() -> Dict[str, Any]:
     """What a finished environment depends on."""
     hashes = {}
     for name in INGREDIENTS:
@@ -80,7 +81,7 @@ def recipe():
     return {"venv": VENV, "python": os.path.realpath(PYTHON), "ingredients": hashes}
 
 
-def find_python():
+def find_python() -> str:
     """A supported interpreter: the one that runs this, else one of the PATH."""
     if OLDEST <= sys.version_info[:2] <= NEWEST:
         return sys.executable
@@ -94,7 +95,7 @@ def find_python():
             sys.version_info[0], sys.version_info[1], "too old" if sys.version_info[:2] < OLDEST else "too new"))
 
 
-def python_version(interpreter):
+def python_version(interpreter: str) -> Optional[Tuple[int, ...]]:
     """(major, minor) of an interpreter, None when it does not run."""
     try:
         text = subprocess.check_output([interpreter, "-I", "-c", "import sys; print(*sys.version_info[:2])"],
@@ -104,7 +105,7 @@ def python_version(interpreter):
         return None
 
 
-def is_usable():
+def is_usable() -> bool:
     """True when .venv holds a supported Python with pip, and was made in this very folder (scripts hold its path)."""
     version = python_version(PYTHON)
     if version is None or not OLDEST <= version <= NEWEST:
@@ -118,7 +119,7 @@ def is_usable():
                                          stderr=subprocess.DEVNULL) == 0
 
 
-def make_environment(interpreter):
+def make_environment(interpreter: str) -> None:
     version = python_version(interpreter)
     if version is None:
         raise SetupError("%s does not run" % interpreter)
@@ -133,9 +134,9 @@ def make_environment(interpreter):
         raise SetupError("the environment .venv could not be made: " + "".join(reason))
 
 
-def absent_libraries():
+def absent_libraries() -> List[str]:
     """Debian packages of libraries that are certainly absent: `doctor` would ask for them later, one line is kinder."""
-    absent = []
+    absent = []  # type: List[str]
     for library, packages in NATIVE_LIBRARIES:
         try:
             ctypes.CDLL(library)
@@ -144,7 +145,7 @@ def absent_libraries():
     return absent
 
 
-def install_packages():
+def install_packages() -> None:
     say("installing the packages of requirements.lock (about 0.9 GB on disk)")
     needed = ["--require-hashes", "-r", LOCK]
     with_uv = install_uv() and subprocess.call(uv() + needed, env=uv_environment()) == 0
@@ -156,15 +157,15 @@ def install_packages():
         "this project could not be installed into .venv")
 
 
-def pip():
+def pip() -> List[str]:
     return [PYTHON, "-I", "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
 
 
-def uv():
+def uv() -> List[str]:
     return [os.path.join(VENV, "bin", "uv"), "pip", "install", "--quiet", "--python", PYTHON]
 
 
-def uv_environment():
+def uv_environment() -> Dict[str, str]:
     """The environment for uv, with the certificates that pip is told of in its own words."""
     environment = dict(os.environ)
     if "PIP_CERT" in environment:
@@ -172,7 +173,7 @@ def uv_environment():
     return environment
 
 
-def install_uv():
+def install_uv() -> bool:
     """Install uv at its locked hash; False when pip has to do all the work, more slowly."""
     settings = subprocess.check_output([PYTHON, "-I", "-m", "pip", "config", "list"]).decode(errors="replace")
     if re.search(PIP_ONLY_SETTINGS, settings):
@@ -183,13 +184,14 @@ def install_uv():
         return subprocess.call([*pip(), "--no-deps", "--require-hashes", "-r", locked.name]) == 0
 
 
-def locked_lines(package):
+def locked_lines(package: str) -> str:
     """A package's version and hashes, as the lock file has them."""
     with open(LOCK) as file:
-        return re.search(r"^%s==(?:.*\\\n)*.*\n" % re.escape(package), file.read(), re.MULTILINE).group()
+        [lines] = re.findall(r"^%s==(?:.*\\\n)*.*\n" % re.escape(package), file.read(), re.MULTILINE)
+    return str(lines)
 
 
-def meet_native_needs():
+def meet_native_needs() -> None:
     """Install the Debian packages that `harness doctor` finds missing; SetupError when needs remain."""
     missing = unmet_needs()
     packages = sorted({package for check in missing for package in check["apt"]})
@@ -201,7 +203,7 @@ def meet_native_needs():
                                    for check in missing))
 
 
-def unmet_needs():
+def unmet_needs() -> List[Dict[str, Any]]:
     """The checks of `harness doctor` that are needed and fail."""
     doctor = subprocess.Popen([PYTHON, "-I", "-m", "harness", "doctor", "--json"], stdout=subprocess.PIPE)
     answer, _ = doctor.communicate()
@@ -210,7 +212,7 @@ def unmet_needs():
     return [check for check in json.loads(answer.decode())["checks"] if check["needed"] and not check["ok"]]
 
 
-def apt_install(packages, reason):
+def apt_install(packages: List[str], reason: str) -> None:
     """Install Debian packages where that needs no question; else SetupError with the line to type."""
     line = "apt-get install -y --no-install-recommends " + " ".join(packages)
     if os.geteuid() != 0 or shutil.which("apt-get") is None:
@@ -227,7 +229,7 @@ def apt_install(packages, reason):
 
 
 @contextlib.contextmanager
-def one_at_a_time():
+def one_at_a_time() -> Iterator[None]:
     """Holds a lock on the checkout's folder, so that no lock file is left behind."""
     import fcntl
 
@@ -245,12 +247,12 @@ def one_at_a_time():
         os.close(folder)
 
 
-def run(command, failure):
+def run(command: List[str], failure: str) -> None:
     if subprocess.call(command) != 0:
         raise SetupError(failure)
 
 
-def say(message):
+def say(message: str) -> None:
     print("setup: " + message, file=sys.stderr, flush=True)
 
 

@@ -98,7 +98,9 @@ cli.console_script()
 """
         read, write = os.pipe()
         os.close(read)
-        done = subprocess.run([sys.executable, "-c", program], stdout=write, stderr=subprocess.PIPE, text=True)
+        buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+        done = subprocess.run([sys.executable, "-c", program], stdout=write, stderr=subprocess.PIPE, text=True,
+                              env=buffered)
         os.close(write)
         assert (done.returncode, done.stderr) == (141, "")
 

@@ -113,15 +113,18 @@ class TestImportMitsuba:
     """In processes of their own: what drjit loads, it keeps."""
 
     def test_sets_no_variant_and_reads_scenes_without_one(self) -> None:
-        program = """
+        program = '''
 from harness.mitsuba_runtime import import_mitsuba
 mi = import_mitsuba()
 assert mi is import_mitsuba()
 assert mi.variant() is None
-state = mi.parser.parse_string(mi.parser.ParserConfig("scalar_rgb"), "<scene version='3.0.0'/>")
-assert state.nodes[0].props.plugin_name() == "scene"
+config = mi.parser.ParserConfig("llvm_ad_rgb")
+state = mi.parser.parse_string(config, """<scene version="3.0.0"><shape type="sphere">
+    <transform name="to_world"><scale value="2"/></transform></shape></scene>""")
+mi.parser.transform_all(config, state)
+assert [node.props["to_world"].matrix[0, 0] for node in state.nodes if "to_world" in node.props.keys()] == [2]
 assert mi.variant() is None
-"""
+'''
         subprocess.run([sys.executable, "-c", program], check=True)
 
     def test_loads_the_library_that_was_found(self) -> None:

@@ -128,6 +128,17 @@ class TestReadiness:
         (ready / ".venv" / "bin" / "python").unlink()
         assert not bootstrap.is_ready()
 
+    def test_a_python_that_no_longer_runs_repeats_it(self, ready: Path) -> None:
+        """As after an upgrade of the system that took its libraries away."""
+        interpreter = ready / ".venv" / "bin" / "python"
+        interpreter.unlink()
+        interpreter.write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
+        interpreter.chmod(0o755)
+        bootstrap.set_up()
+        assert bootstrap.is_ready()
+        interpreter.write_text("#!/bin/sh\nexit 127\n")
+        assert not bootstrap.is_ready()
+
     def test_a_renamed_folder_repeats_it(self, ready: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         moved = ready.rename(ready.with_name("renamed"))
         monkeypatch.setattr(bootstrap, "ROOT", str(moved))

@@ -21,7 +21,8 @@ _UNWRAPPED = 1000  # columns, more than any line of a table needs
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
-_running: Progress | None = None  # one bar display a process: nested tasks share it, rich allows no second
+# One bar display a process, which nested tasks share: nested displays overwrite each other.
+_running: Progress | None = None
 
 
 def print_json(value: Mapping[str, Any]) -> None:
