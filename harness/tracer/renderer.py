@@ -26,6 +26,8 @@ MAX_ITERATIONS = 32_768
 MAX_SAMPLES_PER_PASS = 128
 # A float32 sum of this many samples is exact to 1e-5 or better; then it is flushed to float64.
 FLUSH_SAMPLES = 1024
+# The shader numbers replicas and the samples of each by uint; beyond, streams would repeat.
+SEEDS = 2**32
 # One draw should take no longer: desktop drivers reset a device that is busy for about two seconds.
 DRAW_SECONDS = 0.25
 # Pixel-samples of the first draw, before anything is known about the device: 64² pixels of 16 samples.
@@ -98,9 +100,9 @@ class TracerRenderer:
     def render_batch(self, replica: int, start: int, count: int,
                      advance: Callable[[int], None] | None = None) -> Batch:
         """Samples start … start+count-1 of one replica; `advance(n)` is told of every n samples per pixel done."""
-        if count < 1 or start < 0 or replica < 0:
-            raise HarnessError(f"samples must be a positive number from a start of 0 or more, found {count} from "
-                               f"{start} of replica {replica}")
+        if count < 1 or start < 0 or start + count > SEEDS or not 0 <= replica < SEEDS:
+            raise HarnessError(f"samples and replicas are numbered from 0 to {SEEDS - 1}, found {count} samples from "
+                               f"{start} of replica {replica}; ask for at least one, and none beyond")
         began = time.process_time()
         total = np.zeros((self.scene.height, self.scene.width, 4))
         for first in range(start, start + count, FLUSH_SAMPLES):
@@ -133,7 +135,7 @@ class TracerRenderer:
             self._program.set({
                 "pingpong0": 0, "numpass": numpass, "samples_per_pass": count, "replica": replica,
                 # The shader adds numpass * samples_per_pass; passes may differ in size, so it is taken off here.
-                "first_sample": (first + done - numpass * count) % 2**32,
+                "first_sample": (first + done - numpass * count) % SEEDS,
             })
             for bottom, rows in self._bands(count):
                 gl.scissor = (0, bottom, self.scene.width, rows)
