@@ -51,7 +51,7 @@ class TestOpenGL:
         assert "libEGL.so.1" in check.detail
 
     def test_a_driver_that_crashes_is_reported(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(doctor, "_GL_PROBE", "import os, sys; sys.stderr.write('oops'); os.abort()")
+        monkeypatch.setattr(doctor, "_GL_PROBE", "import os, sys; sys.stderr.write('oops\\n'); os.abort()")
         check = doctor.check_gl()
         assert (check.ok, check.detail) == (False, "crashed with signal 6: oops")
 

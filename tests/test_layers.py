@@ -27,7 +27,7 @@ LAYER_OF = {name: layer for layer, names in enumerate(LAYERS) for name in names}
 ONLY = {
     "bootstrap": set(),
     "stats": {"errors", "stats"},
-    "report": {"errors", "estimate", "files", "images", "metrics", "results", "stats", "report", "scene"},
+    "report": {"errors", "estimate", "exr", "files", "images", "metrics", "results", "stats", "report", "scene"},
     "tracer": {"errors", "estimate", "files", "scene", "tracer"},
     "reference": {"errors", "estimate", "files", "mitsuba_runtime", "scene", "reference"},
 }
