@@ -52,9 +52,8 @@ def main() -> int:
 
 
 def set_up() -> None:
-    interpreter = find_python()
     if not is_usable():
-        make_environment(interpreter)
+        make_environment(find_python())
     install_packages()
     meet_native_needs()
     with open(STAMP + ".partial", "w") as file:
@@ -148,8 +147,10 @@ def absent_libraries() -> List[str]:
 def install_packages() -> None:
     say("installing the packages of requirements.lock (about 0.9 GB on disk)")
     needed = ["--require-hashes", "-r", LOCK]
-    with_uv = install_uv() and subprocess.call(uv() + needed, env=uv_environment()) == 0
+    # pip repeats what uv could not do, so uv's own complaints would only confuse.
+    with_uv = install_uv() and subprocess.call(uv() + needed, env=uv_environment(), stderr=subprocess.DEVNULL) == 0
     if not with_uv:
+        say("pip installs them, which takes a minute or two")
         run(pip() + needed,
             "packages could not be installed, as pip says above; check the network and repeat `make setup`")
     # The lock holds the build backend, so nothing is fetched here.

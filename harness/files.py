@@ -6,7 +6,7 @@ import errno
 import os
 import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
 
@@ -67,7 +67,7 @@ def write_atomically(path: str | Path) -> Iterator[Path]:
                 raise _unwritable(target, error) from error
             raise
     finally:
-        partial.unlink(missing_ok=True)
+        _remove(partial)
 
 
 def require_writable(path: str | Path) -> None:
@@ -79,20 +79,26 @@ def require_writable(path: str | Path) -> None:
     except OSError as error:
         raise _unwritable(target, error) from error
     finally:
-        probe.unlink(missing_ok=True)
+        _remove(probe)
 
 
 def _partial(target: Path) -> Path:
     return target.with_name(f"{PARTIAL_PREFIX}{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
 
 
+def _remove(path: Path) -> None:
+    """Remove a file that may not exist, in a folder that may not even be searchable."""
+    with suppress(OSError):
+        path.unlink()
+
+
 def _writable_target(path: Path) -> Path:
     """`path` with links followed, its folder made; StoreError when it exists and is not a regular file."""
     target = Path(os.path.realpath(path))
-    if target.exists() and not target.is_file():  # replacing a device such as /dev/null would destroy it
-        kind = "a folder" if target.is_dir() else "not a regular file"
-        raise StoreError(f"{path}: cannot be written, it is {kind}; name a file")
     try:
+        if target.exists() and not target.is_file():  # replacing a device such as /dev/null would destroy it
+            kind = "a folder" if target.is_dir() else "not a regular file"
+            raise StoreError(f"{path}: cannot be written, it is {kind}; name a file")
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise _unwritable(path, error) from error

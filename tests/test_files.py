@@ -108,6 +108,35 @@ class TestUnwritable:
         assert len(str(caught.value).splitlines()) == 1
 
 
+    def test_a_folder_that_may_not_be_searched(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, try_to_write: TryToWrite,
+    ) -> None:
+        """Simulated, since nothing is forbidden to root."""
+        def forbid(self: Path, **_: object) -> None:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+        monkeypatch.setattr(Path, "exists", forbid)
+        monkeypatch.setattr(Path, "unlink", forbid)
+        with pytest.raises(StoreError, match=r"image\.exr: cannot be written \(Permission denied\)"):
+            try_to_write(tmp_path / "image.exr")
+
+
+@pytest.mark.parametrize("name", ["require_writable", "write_atomically"])
+def test_a_folder_that_may_not_be_written_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str,
+) -> None:
+    """Simulated, since nothing is forbidden to root."""
+    def forbid(self: Path, **_: object) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+    monkeypatch.setattr(Path, "touch", forbid)
+    monkeypatch.setattr(Path, "unlink", forbid)
+    with pytest.raises(StoreError, match=r"image\.exr: cannot be written \(Permission denied\)"):
+        if name == "require_writable":
+            require_writable(tmp_path / "image.exr")
+        else:
+            with write_atomically(tmp_path / "image.exr") as partial:
+                partial.touch()
+
+
 def test_require_writable_leaves_nothing_behind(tmp_path: Path) -> None:
     require_writable(tmp_path / "image.exr")
     assert names(tmp_path) == []

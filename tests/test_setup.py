@@ -181,6 +181,17 @@ class TestEnvironment:
         (checkout / ".venv" / "bin" / "pip").write_text(f"#!{checkout}/.venv/bin/python\n")
         assert bootstrap.is_usable()
 
+    def test_a_usable_one_is_kept_whichever_python_asks(
+        self, checkout: Path, monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        make_bare_environment(checkout)
+        monkeypatch.setattr(bootstrap, "is_usable", lambda: True)
+        monkeypatch.setattr(bootstrap.sys, "version_info", (3, 8, 1))
+        monkeypatch.setattr(bootstrap.shutil, "which", lambda name: None)
+        for step in ("install_packages", "meet_native_needs"):
+            monkeypatch.setattr(bootstrap, step, lambda: None)
+        assert bootstrap.main() == 0
+
     def test_without_pythons_venv_module_one_line_names_all_that_lacks(
         self, checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
     ) -> None:
