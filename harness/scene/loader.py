@@ -14,7 +14,9 @@ from harness.scene.nodes import Node, parse
 
 SHAPES: tuple[ShapeKind, ...] = ("sphere", "rectangle", "disk", "cube")
 BSDFS = ("phong", "diffuse", "twosided")
-EMITTERS = ("constant", "area")
+# All of Mitsuba's: in both renderers another one takes their place, which does not change the mean.
+SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
+FILTERS = ("box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos")
 
 # A path longer than this is refused: the tracer's loop is bounded (see tracer.renderer.MAX_ITERATIONS).
 MAX_DEPTH_LIMIT = 1024
@@ -23,6 +25,7 @@ MAX_FILM_SIDE = 16384
 # Mitsuba's defaults where a file says nothing (hdrfilm, perspective).
 DEFAULT_FILM = (768, 576)
 DEFAULT_FOCAL_LENGTH = "50mm"
+DEFAULT_FILTER = "gaussian"
 
 
 def load_scene(path: str | Path, *, width: int | None = None, height: int | None = None) -> Scene:
@@ -49,7 +52,7 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
                     raise node.refuse(["constant (in the scene)", "area (inside a shape)"])
                 if environment is not None:
                     raise node.error("a scene has one environment; this is the second")
-                environment = node.rgb("radiance", 1.0)
+                environment = node.rgb("radiance", 1.0, emission=True)
                 node.done(["radiance"])
             case "sensor":
                 if camera is not None:
@@ -78,6 +81,8 @@ def describe(path: str | Path) -> str:
         text = Path(path).read_text(encoding="utf-8")
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValueError:
+        raise SceneError(f"{path}: not UTF-8 text; save the file in the encoding UTF-8") from None
     found = re.match(r"\s*(?:<\?xml.*?\?>)?\s*<!--(.*?)-->", text, re.DOTALL)
     return " ".join(found[1].split()) if found else ""
 
@@ -112,7 +117,7 @@ def _shape(node: Node) -> Shape:
                 raise child.refuse(["area"])
             if emission is not None:
                 raise child.error("a shape has one emitter; this is the second")
-            emission = child.rgb("radiance", 1.0)
+            emission = child.rgb("radiance", 1.0, emission=True)
             child.done(["radiance"])
         else:
             raise child.refuse(["bsdf", "emitter area"])
@@ -163,11 +168,11 @@ def _material(node: Node) -> Material:
         return Material(material.kd, material.ks, material.alpha, two_sided=True)
     if node.plugin == "diffuse":
         material = Material(node.rgb("reflectance", 0.5), (0.0, 0.0, 0.0), 1.0)
-        _refuse_textures(node)
+        _refuse_children(node)
         node.done(["reflectance"])
     elif node.plugin == "phong":
         material = Material(node.rgb("kd", 0.5), node.rgb("ks", 0.0), node.number("alpha", 10.0))
-        _refuse_textures(node)
+        _refuse_children(node)
         node.done(["kd", "ks", "alpha"])
         if material.alpha < 0:
             raise node.error(f"'alpha' must not be negative, found {material.alpha:g}")
@@ -178,27 +183,27 @@ def _material(node: Node) -> Material:
     return material
 
 
-def _refuse_textures(node: Node) -> None:
-    for key, child in node.children():
-        raise child.error(f"'{key}' is a {child.kind}; supported: a colour or a number")
+def _refuse_children(node: Node) -> None:
+    for _, child in node.children():
+        raise child.refuse([f"colours and numbers in a {node.plugin}"])
 
 
 def _sensor(node: Node, width: int | None, height: int | None, notes: list[str]) -> tuple[Camera, int, int, float]:
     if node.plugin != "perspective":
         raise node.refuse(["perspective"])
     film_size, exposure = DEFAULT_FILM, 0.0
-    has_film = False
+    seen: set[str] = set()
     for _, child in node.children():
+        if child.kind in seen:
+            raise child.error(f"a sensor has one {child.kind}; this is the second")
+        seen.add(child.kind)
         if child.kind == "film":
             film_size, exposure = _film(child, notes)
-            has_film = True
         elif child.kind == "sampler":
-            if child.plugin != "independent":
-                notes.append(f"sampler '{child.plugin}' replaced by independent sampling in both renderers")
-            child.ignore("sample_count", "seed")
+            _sampler(child, notes)
         else:
             raise child.refuse(["film hdrfilm", "sampler"])
-    if not has_film:
+    if "film" not in seen:
         notes.append("no film given: Mitsuba's default size, with a box filter")
     film_size = (film_size[0] if width is None else width, film_size[1] if height is None else height)
     if not all(1 <= side <= MAX_FILM_SIDE for side in film_size):
@@ -207,7 +212,8 @@ def _sensor(node: Node, width: int | None, height: int | None, notes: list[str])
     matrix = node.transform()
     linear = matrix[:3, :3]
     if not np.allclose(linear.T @ linear, np.eye(3), atol=1e-4):
-        raise node.error("'to_world' of a sensor must not scale or shear, as in Mitsuba; a rotation's axis must have length 1")
+        raise node.error("'to_world' of a sensor must not scale or shear, as in Mitsuba; "
+                         "a rotation's axis must have length 1")
     near, far = node.number("near_clip", 1e-2), node.number("far_clip", 1e4)
     if not 0 < near < far:
         raise node.error(f"clip distances must satisfy 0 < near_clip < far_clip, found {near:g} and {far:g}")
@@ -220,6 +226,15 @@ def _sensor(node: Node, width: int | None, height: int | None, notes: list[str])
     node.done(["to_world", "fov", "fov_axis", "focal_length", "near_clip", "far_clip",
                "principal_point_offset_x", "principal_point_offset_y"])
     return Camera(_matrix(matrix), tan_x, tan_x / aspect, near, far, offset), *film_size, exposure
+
+
+def _sampler(node: Node, notes: list[str]) -> None:
+    if node.plugin not in SAMPLERS:
+        raise node.refuse(SAMPLERS)
+    if node.plugin != "independent":
+        notes.append(f"sampler '{node.plugin}' replaced by independent sampling in both renderers")
+    node.ignore("sample_count", "seed", "jitter")
+    node.done(["sample_count", "seed", "jitter"])
 
 
 def _tan_half_fov_x(node: Node, aspect: float) -> float:
@@ -235,7 +250,7 @@ def _tan_half_fov_x(node: Node, aspect: float) -> float:
         axis = node.string("fov_axis", "x")
     else:
         text = node.string("focal_length", DEFAULT_FOCAL_LENGTH)
-        found = re.fullmatch(r"\s*([0-9.]+)\s*(mm)?\s*", text)
+        found = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(mm)?\s*", text)
         if not found or float(found[1]) <= 0:
             raise node.error(f"'focal_length' must be a positive length such as '50mm', found '{text}'")
         tangent = math.hypot(36.0, 24.0) / (2 * float(found[1]))  # half the diagonal of a 35 mm frame
@@ -260,13 +275,18 @@ def _tan_half_fov_x(node: Node, aspect: float) -> float:
 def _film(node: Node, notes: list[str]) -> tuple[tuple[int, int], float]:
     if node.plugin != "hdrfilm":
         raise node.refuse(["hdrfilm"])
-    reconstruction = "gaussian"  # Mitsuba's default
+    reconstruction = ""
     for _, child in node.children():
         if child.kind not in ("reconstructionfilter", "rfilter"):
             raise child.refuse(["rfilter"])
+        if child.plugin not in FILTERS:
+            raise child.refuse(FILTERS)
+        if reconstruction:
+            raise child.error("a film has one reconstruction filter; this is the second")
         reconstruction = child.plugin
-        child.ignore("stddev", "radius", "lobes", "B", "C")
-        child.done([])
+        child.ignore("stddev", "radius", "lobes", "A", "B", "C")
+        child.done(["stddev", "radius", "lobes", "A", "B", "C"])
+    reconstruction = reconstruction or DEFAULT_FILTER
     if reconstruction != "box":
         notes.append(f"reconstruction filter '{reconstruction}' replaced by box in both renderers")
     size = (node.integer("width", DEFAULT_FILM[0]), node.integer("height", DEFAULT_FILM[1]))

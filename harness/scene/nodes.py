@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +13,17 @@ from harness.errors import SceneError
 from harness.mitsuba_runtime import import_mitsuba
 from harness.scene.model import RGB
 
-if TYPE_CHECKING:
-    from pathlib import Path
+FLOAT32_MAX = float(np.finfo(np.float32).max)  # both renderers compute in float32; beyond it a number is infinite
 
 _LOCATION = re.compile(r"^(?P<file>.*) \(line (?P<line>\d+), col \d+\)$")
-_PARSER_PREFIX = re.compile(r"^\[parser\.cpp:\d+\] ")
-_PARSER_LOCATION = re.compile(r"\(line (?P<line>\d+), col \d+\):?\s*")
+# Mitsuba's parser nests its messages, outermost file first: each begins so, in one of three forms.
+_FRAME = re.compile(r"\[parser\.cpp:\d+\] ")
+_FORMS = (
+    re.compile(r"Error while loading (?P<file>.+?) \(line (?P<line>\d+), col \d+\):? (?P<text>.*)"),
+    re.compile(r"Parsing of XML file \"(?P<file>.+?)\" failed: (?P<text>.*) \(line (?P<line>\d+), col \d+\)"),
+    re.compile(r"Error while loading XML file \"(?P<file>.+?)\": (?P<text>.*)"),
+)
+_UNPARSED_NUMBER = re.compile(r"could not parse (?:integer|floating point) value \"-?[0-9.]+\"$")
 
 
 def parse(path: Path) -> Any:
@@ -28,18 +34,42 @@ def parse(path: Path) -> Any:
     Raises SceneError, with file and line, where the file is missing or Mitsuba's parser refuses it.
     """
     mi = import_mitsuba()
-    if not path.is_file():
+    try:
+        missing = not path.is_file()
+    except OSError:  # a name that the file system cannot hold
+        missing = True
+    if missing:
         raise SceneError(f"{path}: no such scene file; give the path of a Mitsuba 3 .xml scene")
     config = mi.parser.ParserConfig("llvm_ad_rgb")
     try:
-        return mi.parser.parse_file(config, str(path))
+        state = mi.parser.parse_file(config, str(path))
     except Exception as error:  # the parser raises bare RuntimeError, and TypeError for a bad encoding
-        message = _PARSER_PREFIX.sub("", " ".join(str(error).split()))
-        found = _PARSER_LOCATION.search(message)
-        line = f":{found['line']}" if found else ""
-        message = _PARSER_LOCATION.sub("", message)
-        message = re.sub(r"^(Error while loading \S+|Parsing of XML file \"[^\"]*\" failed):?\s*", "", message)
-        raise SceneError(f"{path}{line}: {message.strip()} (the file must be a Mitsuba 3 XML scene)") from None
+        raise _parser_error(path, str(error)) from None
+    for file in state.files:
+        _require_utf8(Path(str(file)))
+    return state
+
+
+def _parser_error(path: Path, message: str) -> SceneError:
+    """The innermost of the parser's nested messages, with the file and line where it arose."""
+    file, line, text = str(path), "1", ""
+    for text in filter(None, _FRAME.split(" ".join(message.split()))):
+        if found := next(filter(None, (form.match(text) for form in _FORMS)), None):
+            parts = found.groupdict()
+            file, line, text = parts["file"], parts.get("line", "1"), parts["text"]
+    if _UNPARSED_NUMBER.search(text):  # what the parser says of a second value for the same property
+        text += ", or the property is given twice"
+    return SceneError(f"{file}:{line}: {text} (the file must be a Mitsuba 3 XML scene)")
+
+
+def _require_utf8(path: Path) -> None:
+    """Mitsuba hands ids and names on as bytes, which Python then cannot decode."""
+    data = path.read_bytes()
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = 1 + data[:error.start].count(b"\n")
+        raise SceneError(f"{path}:{line}: not UTF-8 text; save the file in the encoding UTF-8") from None
 
 
 class Node:
@@ -50,7 +80,7 @@ class Node:
         self.state = state
         self._node = state.nodes[index]
         self._props = self._node.props
-        self._unread = {key: None for key in self._props.keys()}
+        self._unread = dict.fromkeys(self._props.keys())
 
     @property
     def plugin(self) -> str:
@@ -73,7 +103,7 @@ class Node:
         location = str(self._mi.parser.file_location(self.state, self._node))
         found = _LOCATION.match(location)
         where = f"{found['file']}:{found['line']}" if found else location
-        return SceneError(f"{where}: {message}")
+        return SceneError(f"{where}: {' '.join(message.split())}")  # names may hold line breaks
 
     def refuse(self, supported: Iterable[str]) -> SceneError:
         """The error for a plugin outside the supported subset."""
@@ -81,19 +111,11 @@ class Node:
 
     def children(self) -> Iterator[tuple[str, Node]]:
         """Nested and referenced objects as (property name, node), in file order."""
-        properties = self._mi.Properties
         for key in list(self._unread):
-            value = self._props[key]
-            if isinstance(value, properties.ResolvedReference):
-                index = value.index()
-            elif isinstance(value, properties.Reference):
-                if value.id() not in self.state.id_to_index:
-                    raise self.error(f"reference to unknown id '{value.id()}'; define an element with that id")
-                index = self.state.id_to_index[value.id()]
-            else:
-                continue
-            del self._unread[key]
-            yield key, Node(self.state, index)
+            child = self._nested(self._props[key])
+            if child is not None:
+                del self._unread[key]
+                yield key, child
 
     def ignore(self, *names: str) -> None:
         """Accept properties that change neither renderer's image (a film's file format, say)."""
@@ -105,8 +127,8 @@ class Node:
         value = self._take(name, default)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.error(f"'{name}' must be a number, found {_shown(value)}")
-        if not np.isfinite(value):
-            raise self.error(f"'{name}' must be finite, found {value}")
+        if not _representable(value):
+            raise self.error(f"'{name}' must be finite and at most {FLOAT32_MAX:.2g}, found {value:g}")
         return float(value)
 
     def integer(self, name: str, default: int | None = None) -> int:
@@ -133,16 +155,19 @@ class Node:
     def point(self, name: str, default: tuple[float, float, float]) -> np.ndarray:
         """A point or vector property as (3,) float64."""
         value = np.asarray(self._take(name, default), dtype=np.float64)
-        if value.shape != (3,) or not np.isfinite(value).all():
+        if value.shape != (3,) or not _representable(value):
             raise self.error(f"'{name}' must be a point of three finite numbers")
         return value
 
-    def rgb(self, name: str, default: float | None = None) -> RGB:
-        """A colour, a number (grey) or a uniform spectrum; finite and not negative."""
+    def rgb(self, name: str, default: float | None = None, *, emission: bool = False) -> RGB:
+        """A colour, a number (grey) or a uniform spectrum; finite and not negative.
+
+        A spectrum that is uniform over wavelengths is grey as a reflectance, but as an `emission` it has a tint.
+        """
         value = self._take(name, default)
         if hasattr(value, "is_uniform") and not isinstance(value, int | float):
-            if not value.is_uniform():
-                raise self.error(f"'{name}' is a wavelength-dependent spectrum; give it as <rgb> or one number")
+            if emission or not value.is_uniform():
+                raise self.error(f"'{name}' is a spectrum; give it as <rgb> or <float>")
             value = float(np.ravel(value.values)[0])
         if isinstance(value, str | bool) or value is None:
             raise self.error(f"'{name}' must be a colour or a number, found {_shown(value)}")
@@ -150,7 +175,7 @@ class Node:
             colour = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,))
         except (TypeError, ValueError):
             raise self.error(f"'{name}' must be a colour or a number, found {_shown(value)}") from None
-        if not (np.isfinite(colour).all() and (colour >= 0).all()):
+        if not (_representable(colour) and (colour >= 0).all()):
             raise self.error(f"'{name}' must be finite and not negative, found {', '.join(f'{c:g}' for c in colour)}")
         return (float(colour[0]), float(colour[1]), float(colour[2]))
 
@@ -158,12 +183,16 @@ class Node:
         """An affine, invertible 4x4 transform, (4, 4) float64; the identity where the file gives none."""
         value = self._take(name, np.eye(4))
         matrix = np.array(getattr(value, "matrix", value), dtype=np.float64)
-        if not np.isfinite(matrix).all() or not np.array_equal(matrix[3], [0, 0, 0, 1]):
+        if matrix.shape != (4, 4):
+            raise self.error(f"'{name}' must be a <transform>, found {_shown(value)}")
+        if not _representable(matrix) or not np.array_equal(matrix[3], [0, 0, 0, 1]):
             raise self.error(f"'{name}' must be a finite affine transform")
         linear = matrix[:3, :3]
         # Relative to the volume that its columns would span if they were orthogonal: scale does not matter.
         if abs(np.linalg.det(linear)) <= 1e-9 * np.prod(np.linalg.norm(linear, axis=0)):
             raise self.error(f"'{name}' is degenerate (it flattens the object); every scale factor must differ from 0")
+        if not _representable(np.linalg.inv(matrix)):
+            raise self.error(f"'{name}' makes the object too small for float32; scale it up")
         return matrix
 
     def __contains__(self, name: str) -> bool:
@@ -182,7 +211,25 @@ class Node:
                 raise self.error(f"{self.kind} '{self.plugin}' needs '{name}'")
             return default
         self._unread.pop(name, None)
-        return self._props[name]
+        value = self._props[name]
+        if child := self._nested(value):
+            raise child.refuse(["a plain value, such as a colour or a number"])
+        return value
+
+    def _nested(self, value: Any) -> Node | None:
+        """The node that a property holds or refers to; None for a plain value."""
+        if isinstance(value, self._mi.Properties.ResolvedReference):
+            return Node(self.state, value.index())
+        if isinstance(value, self._mi.Properties.Reference):
+            if value.id() not in self.state.id_to_index:
+                raise self.error(f"reference to unknown id '{value.id()}'; define an element with that id")
+            return Node(self.state, self.state.id_to_index[value.id()])
+        return None
+
+
+def _representable(values: Any) -> bool:
+    """Whether all are finite in float32; False for NaN."""
+    return bool((np.abs(values) <= FLOAT32_MAX).all())
 
 
 def _shown(value: Any) -> str:
