@@ -29,26 +29,31 @@ _DODGE = 1.12
 
 
 def curves_svg(result: StudyResult) -> bytes:
-    """The three convergence panels of one scene as SVG, 17 cm wide, its text in text elements.
+    """`curves` as SVG, its text in text elements; the same bytes for the same result."""
+    settings: Any = {**RC, "svg.hashsalt": result.scene}  # without a salt, names in the file are random
+    with matplotlib.rc_context(settings):
+        figure = curves(result)
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def curves(result: StudyResult) -> Figure:
+    """The three convergence panels of one scene, 17 cm wide; to be called with the report's settings in force.
 
     Bands are Student confidence intervals over the replicas, at the confidence of the scene's verdicts; error bars
     in the middle panel are the verdict's own interval, of the estimate that merges all replicas.
     """
-    settings: Any = {**RC, "svg.hashsalt": result.scene}  # the salt makes equal figures equal files
-    with matplotlib.rc_context(settings):
-        figure = Figure(figsize=(WIDTH_CM * _CM, HEIGHT_CM * _CM))
-        FigureCanvasSVG(figure)
-        panels = figure.subplots(1, 3)
-        figure.subplots_adjust(left=0.055, right=0.995, bottom=0.13, top=0.78, wspace=0.27)
-        _rmse_panel(panels[0], result)
-        _mean_error_panel(panels[1], result)
-        _ssim_panel(panels[2], result)
-        figure.legend(handles=_legend_handles(result), loc="upper left", bbox_to_anchor=(0.0, 1.0),
-                      ncols=LEGEND_COLUMNS, frameon=False, handlelength=2.2, columnspacing=1.6,
-                      handletextpad=0.5, borderaxespad=0.2)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
+    figure = Figure(figsize=(WIDTH_CM * _CM, HEIGHT_CM * _CM))
+    FigureCanvasSVG(figure)
+    panels = figure.subplots(1, 3)
+    figure.subplots_adjust(left=0.055, right=0.985, bottom=0.13, top=0.78, wspace=0.27)
+    _rmse_panel(panels[0], result)
+    _mean_error_panel(panels[1], result)
+    _ssim_panel(panels[2], result)
+    figure.legend(handles=_legend_handles(result), loc="upper left", bbox_to_anchor=(0.0, 1.0), ncols=LEGEND_COLUMNS,
+                  frameon=False, handlelength=2.2, columnspacing=1.6, handletextpad=0.5, borderaxespad=0.2)
+    return figure
 
 
 def _rmse_panel(axes: Axes, result: StudyResult) -> None:

@@ -124,6 +124,12 @@ def words(items: list[str]) -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
 
 
+def span(numbers: list[int], noun: str) -> str:
+    """How many of something: '8 replicas' where all agree, '8 to 64 replicas' where not."""
+    low, high = min(numbers), max(numbers)
+    return plural(high, noun) if low == high else f"{count(low)} to {plural(high, noun)}"
+
+
 def plural(n: int, noun: str, nouns: str = "") -> str:
     """'1 pair', '3 pairs'."""
     return f"{count(n)}{NBSP}{noun if n == 1 else nouns or noun + 's'}"

@@ -25,7 +25,7 @@ _ROBUST_PERCENTILE = 99.0
 
 def shrink_factor(image: np.ndarray) -> int:
     """The whole factor by which an image (H, W, ...) is averaged down to at most `MAX_PIXELS` a side."""
-    return max(1, math.ceil(max(image.shape[:2]) / MAX_PIXELS))
+    return max(1, math.ceil(int(max(image.shape[:2])) / MAX_PIXELS))
 
 
 def shrink(image: np.ndarray) -> np.ndarray:

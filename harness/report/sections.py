@@ -21,7 +21,7 @@ from harness.report.content import (
 from harness.report.efficiency import equal_error
 from harness.report.figures import curves_svg
 from harness.report.style import strategy_style
-from harness.report.tables import accuracy_table, cost_table, is_exact
+from harness.report.tables import LUMINANCE, accuracy_table, cost_table, is_exact
 from harness.results import StrategyResult, StudyResult
 
 Assets = dict[str, bytes]
@@ -70,10 +70,9 @@ def _facts(result: StudyResult) -> tuple[str, ...]:
     reference = result.reference
     spp = f", {formats.count(reference.samples)} samples per pixel" if reference.samples else ""
     replicas = [strategy.rmse.shape[0] for strategy in result.strategies]
-    counts = formats.words([formats.count(n) for n in sorted({min(replicas), max(replicas)})]).replace(" and ", " to ")
-    lengths = formats.words([formats.count(n) for n in sorted({int(s.spp[-1]) for s in result.strategies})])
+    lengths = [int(strategy.spp[-1]) for strategy in result.strategies]
     return (f"{width} × {height} pixels", f"reference: {result.reference_kind}{spp}",
-            f"each strategy: {counts} {'replica' if max(replicas) == 1 else 'replicas'} of {lengths} samples per pixel",
+            f"each strategy: {formats.span(replicas, 'replica')} of {formats.span(lengths, 'sample')} per pixel",
             f"exposure {formats.number(result.exposure, 1, sign=True)} stops")
 
 
@@ -96,7 +95,9 @@ def _reasons(result: StudyResult) -> tuple[Remark, ...]:
     remarks = []
     for strategy in result.strategies:
         mark: Mark = strategy.verdict.outcome if strategy.suits else "warning"
-        remarks.append(Remark(f"{strategy.strategy}: {formats.typographic(strategy.verdict.reason)}.", mark))
+        dof = float(strategy.verdict.dof[LUMINANCE])
+        known = f" ({formats.count(dof)} degrees of freedom in luminance)" if np.isfinite(dof) else ""
+        remarks.append(Remark(f"{strategy.strategy}: {formats.typographic(strategy.verdict.reason)}{known}.", mark))
     return tuple(remarks)
 
 
@@ -179,6 +180,16 @@ def _curves(result: StudyResult, stem: str, assets: Assets) -> CurveFigure:
                f"and 1 − SSIM), bands their {level} confidence intervals. Left: RMSE; grey diagonals fall with slope "
                f"{formats.MINUS}1/2. Middle: mean error; the shaded strip is the tolerance, inside which the axis is "
                "linear, outside logarithmic; the points at the right are the verdicts, all replicas merged, with their "
-               "intervals. Right: SSIM.")
+               f"intervals. Right: SSIM.{_fit_words(result)}")
     names = formats.words([strategy.strategy for strategy in result.strategies])
     return CurveFigure(caption, file, f"RMSE, mean error and SSIM of {names} against samples per pixel")
+
+
+def _fit_words(result: StudyResult) -> str:
+    """What the slopes in the legend were fitted to."""
+    slopes = [strategy.slope for strategy in result.strategies if strategy.slope]
+    if not slopes:
+        return ""
+    levels = formats.words([f"{100 * level:g}{formats.NBSP}%" for level in sorted({s.confidence for s in slopes})])
+    return (f" Slopes, with {levels} intervals, are fitted to {formats.span([s.points for s in slopes], 'point')} of "
+            f"{formats.span([s.replicas for s in slopes], 'replica')}.")

@@ -1,0 +1,62 @@
+"""Maps show sign and size truthfully: zero is neutral, limits saturate, what is undefined is grey."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from harness.report import pictures
+
+
+def pixels(png: bytes) -> np.ndarray:
+    """A PNG as (H, W, 3) integers."""
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
+
+
+def test_a_difference_is_blue_below_white_at_and_red_above_zero() -> None:
+    row = pixels(pictures.difference_png(np.array([[-0.5, -0.05, 0.0, 0.05, 0.5]]), 0.1))[0]
+    assert row[0][2] > row[0][0] + 50 and row[1][2] > row[1][0] + 20
+    assert row[2].min() > 240 and np.ptp(row[2]) <= 2
+    assert row[3][0] > row[3][2] + 20 and row[4][0] > row[4][2] + 50
+
+
+def test_both_ends_saturate_alike_and_the_undefined_is_grey() -> None:
+    image = pixels(pictures.difference_png(np.array([[0.1, 99.0, np.nan, np.inf]]), 0.1))[0]
+    assert (image[0] == image[1]).all()
+    assert (image[2] == pictures.UNDEFINED).all() and (image[3] == pictures.UNDEFINED).all()
+
+
+def test_flip_grows_brighter_from_black() -> None:
+    row = pixels(pictures.perceived_png(np.array([[0.0, 0.1, 0.2]]), 0.2))[0].sum(axis=1)
+    assert row[0] < 30 < row[1] < row[2]
+
+
+def test_the_robust_limit_ignores_one_pixel_in_a_hundred_and_rounds_up() -> None:
+    values = np.full((100, 100), 0.013)
+    values[0, :50] = -40.0
+    assert pictures.robust_limit([values], 1e-4) == 0.02
+    values[0:2] = -0.3
+    assert pictures.robust_limit([values], 1e-4) == 0.5
+    assert pictures.robust_limit([np.zeros((4, 4)), np.full((2, 2), np.nan)], 1e-4) == 1e-4
+
+
+@pytest.mark.parametrize(("value", "rounded"), [(1.0, 1.0), (1.01, 2.0), (0.021, 0.05), (0.06, 0.1), (7e-4, 1e-3)])
+def test_limits_are_one_two_or_five(value: float, rounded: float) -> None:
+    assert pictures.round_up(value) == rounded
+
+
+def test_large_images_are_averaged_down_and_small_ones_left_alone() -> None:
+    large = np.random.default_rng(3).uniform(size=(1025, 700, 3))
+    small = pictures.shrink(large)
+    assert pictures.shrink_factor(large) == 3 and small.shape == (341, 233, 3)
+    np.testing.assert_allclose(small[5, 7], large[15:18, 21:24].mean((0, 1)))
+    assert pictures.shrink(small) is small
+
+
+def test_a_render_is_encoded_at_its_exposure() -> None:
+    """Radiance 0.5 at +1 stop is white; 0.214 at 0 stops is the middle of the sRGB scale."""
+    assert (pixels(pictures.display_png(np.full((4, 4, 3), 0.5), 1.0)) == 255).all()
+    assert abs(pixels(pictures.display_png(np.full((4, 4, 3), 0.214), 0.0)) - 127.5).max() < 1
