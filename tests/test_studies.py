@@ -1,0 +1,106 @@
+"""Studies on real scenes, small: curves, verdicts, added replicas, continuation."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness import load_scene, study
+from harness.errors import HarnessError
+from harness.estimate import Estimate
+from harness.files import data_dir
+from harness.runs import render_estimate
+from harness.scene import Scene
+from harness.store import Store
+from harness.studies import prefix_sizes, replicas_needed
+from tests.fakes import NoiseRenderer
+
+SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_scene(SPHERES, width=48, height=36)
+
+
+def test_every_suiting_strategy_agrees_with_mitsuba_and_converges_as_it_should(scene: Scene, tmp_path: Path) -> None:
+    """The whole chain on the course's scene: uniform and importance sampling reach Mitsuba's mean within 1 %."""
+    result = study(scene, spp=256, replicas=4, reference_spp=2048, tolerance=0.01, store=Store(tmp_path))
+    assert [item.strategy for item in result.strategies] == ["uniform", "cosine", "lobes", "mixture"]
+    for item in result.strategies:
+        assert item.verdict.outcome == "pass", f"{item.strategy}: {item.verdict.reason}"
+        assert item.slope is not None
+        assert item.slope.low - 0.05 < -0.5 < item.slope.high + 0.05
+        assert item.estimate.rejected == 0
+        assert item.rmse.shape == item.ssim.shape == (len(item.rmse), 9)
+    error = {item.strategy: item.rmse[:, -1].mean() for item in result.strategies}
+    assert error["mixture"] < 0.5 * error["uniform"]
+    similarity = {item.strategy: item.ssim[:, -1].mean() for item in result.strategies}
+    assert similarity["mixture"] > similarity["uniform"]
+
+
+def test_a_strategy_that_misses_light_is_warned_of_and_judged_biased(scene: Scene) -> None:
+    result = study(scene, ["phong"], spp=64, replicas=2, reference_spp=512)
+    assert not result.strategies[0].suits
+    assert "biased" in result.strategies[0].warning
+    assert len(result.strategies[0].rmse) == 2, "no replicas are added for a verdict that does not count"
+
+
+def test_a_reference_brighter_by_two_percent_fails_the_tracer(scene: Scene, tmp_path: Path) -> None:
+    honest = study(scene, ["mixture"], spp=256, replicas=4, reference_spp=2048, store=Store(tmp_path))
+    brighter = honest.reference.mean * 1.02
+    result = study(scene, ["mixture"], spp=256, replicas=4, reference=Estimate.exact(brighter), store=Store(tmp_path))
+    assert result.strategies[0].verdict.outcome == "fail"
+
+
+def test_a_study_read_back_from_its_batches_is_the_same(scene: Scene, tmp_path: Path) -> None:
+    reference = Estimate.exact(np.full((36, 48, 3), 0.4))
+    first, again = (study(scene, ["lobes"], spp=64, replicas=2, max_replicas=2, reference=reference,
+                          store=Store(tmp_path)).strategies[0] for _ in range(2))
+    np.testing.assert_array_equal(first.rmse, again.rmse)
+    np.testing.assert_array_equal(first.estimate.mean, again.estimate.mean)
+    assert first.cpu_seconds_per_spp == again.cpu_seconds_per_spp
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"spp": 0}, "at least 1"),
+    ({"replicas": 1}, "at least 2 replicas"),
+    ({"strategies": ["metropolis"]}, "unknown strategy 'metropolis'"),
+    ({"reference": Estimate.exact(np.ones((4, 4, 3)))}, "4 x 4 pixels"),
+])
+def test_what_cannot_be_studied_is_refused_in_one_line(scene: Scene, options: dict[str, object], message: str) -> None:
+    with pytest.raises(HarnessError, match=message) as caught:
+        study(scene, **options)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+
+
+def test_prefixes_are_powers_of_two_and_the_whole() -> None:
+    assert prefix_sizes(8) == [1, 2, 4, 8]
+    assert prefix_sizes(12) == [1, 2, 4, 8, 12]
+    assert prefix_sizes(1) == [1]
+
+
+class TestReplicasNeeded:
+    """Stein's two-stage sample size."""
+
+    pilot = render_estimate(NoiseRenderer(sigma=0.5, size=(8, 8)), 1024)
+    exact = Estimate.exact(np.full((8, 8, 3), 0.5))
+
+    def test_grow_with_the_inverse_square_of_the_tolerance(self) -> None:
+        loose, tight = (replicas_needed(self.pilot, self.exact, 8, tolerance) for tolerance in (0.002, 0.001))
+        assert loose > 8
+        assert tight == pytest.approx(4 * loose, rel=0.02)
+
+    def test_are_never_fewer_than_the_pilot_had(self) -> None:
+        assert replicas_needed(self.pilot, self.exact, 8, 0.5) == 8
+
+    def test_do_not_depend_on_the_error(self) -> None:
+        shifted = dataclasses.replace(self.pilot, image_mean=self.pilot.image_mean + 0.1)
+        assert replicas_needed(shifted, self.exact, 8, 0.002) == replicas_needed(self.pilot, self.exact, 8, 0.002)
+
+    def test_have_no_bound_when_the_reference_is_too_noisy(self) -> None:
+        noisy = dataclasses.replace(self.exact, image_variance=np.full(4, 1.0))
+        assert replicas_needed(self.pilot, noisy, 8, 0.002) > 10**6
