@@ -17,8 +17,8 @@ def instantiate(scene: Scene) -> Any:
     The file is parsed again by Mitsuba's parser. Only the sensor's film and sampler are replaced, so nothing that the
     harness adds to a file (a film's `exposure`) reaches Mitsuba.
 
-    Raises HarnessError when the scene has no file; SceneError when its file has changed, or was not where the scene
-    came from, and when Mitsuba refuses it.
+    Raises HarnessError when the scene has no file; SceneError when the scene is not what its file says (but for film
+    size and depth), and when Mitsuba refuses it.
     """
     if scene.path is None:
         raise HarnessError(f"scene '{scene.name}' has no file, so Mitsuba cannot render it; write it to an .xml file "
@@ -55,4 +55,5 @@ def _check_unchanged(scene: Scene) -> None:
     assert scene.path is not None
     on_disk = load_scene(scene.path, width=scene.width, height=scene.height)
     if dataclasses.replace(on_disk, max_depth=scene.max_depth).content_hash != scene.content_hash:
-        raise SceneError(f"{scene.path}: the file no longer holds the scene that was loaded from it; load it again")
+        raise SceneError(f"{scene.path}: the scene differs from its file in more than film size and depth, and Mitsuba "
+                         "renders the file; load it again, or write the change into the file")

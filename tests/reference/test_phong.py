@@ -238,7 +238,9 @@ def test_back_is_black_unless_two_sided(mi: Any) -> None:
     out, behind = mi.Vector3f(direction(20, 180)), -mi.Vector3f(direction(20, 180))
     ctx, xi = mi.BSDFContext(), mi.Point2f(0.3, 0.8)
     one, two = mi.load_dict(plain), mi.load_dict({"type": "twosided", "bsdf": plain})
-    assert np.all(np.array(one.eval(ctx, interaction(mi, back), behind)) == 0)
+    for seen_from, towards in ((back, behind), (back, out), (front, behind)):
+        value, pdf = one.eval_pdf(ctx, interaction(mi, seen_from), towards)
+        assert np.all(np.array(value) == 0) and np.all(np.array(pdf) == 0)
     assert np.all(np.array(one.sample(ctx, interaction(mi, back), 0.9, xi)[1]) == 0)
     expected = np.array(one.eval(ctx, interaction(mi, front), out))
     assert expected.min() > 0
