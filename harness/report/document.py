@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import typst
 
 from harness.errors import HarnessError
@@ -21,6 +20,7 @@ from harness.report.content import SYMBOLS, Document
 from harness.report.html import html_page
 from harness.report.provenance import provenance_tables, speed_table
 from harness.report.sections import Assets, scene_section, shared_assets
+from harness.report.style import font_folder
 from harness.report.tables import verdict_table
 from harness.report.words import reading, summary
 from harness.results import StudyResult
@@ -91,11 +91,10 @@ def typeset(document: Document) -> bytes:
     files = {TEMPLATE: template, "report.json": document_json(document).encode(), **document.assets}
     # The figures' text was measured with fonts that matplotlib carries; system fonts would make pages differ between
     # machines.
-    fonts = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
     with tempfile.TemporaryDirectory(prefix="report-") as folder:  # typst takes text from memory, but not images
         for name, content in files.items():
             Path(folder, name).write_bytes(content)
-        return bytes(typst.compile(str(Path(folder, TEMPLATE)), root=folder, font_paths=[str(fonts)],
+        return bytes(typst.compile(str(Path(folder, TEMPLATE)), root=folder, font_paths=[str(font_folder())],
                                    ignore_system_fonts=True, format="pdf"))
 
 

@@ -23,6 +23,7 @@ _CM = 1 / 2.54
 WIDTH_CM, HEIGHT_CM = 17.0, 7.2  # the page's text width; the figure is printed at its own size
 
 LEGEND_COLUMNS = 3
+_FINE_SLOPE = 0.001  # half widths below this have a fourth decimal
 _MIN_TICKS, _MAX_TICKS = 3, 6
 # Merged estimates of several strategies share one number of samples: their error bars stand side by side.
 _DODGE = 1.12
@@ -179,7 +180,8 @@ def _slope_words(strategy: StrategyResult) -> str:
         return "no slope"
     if not np.isfinite(slope.low):
         return f"slope {number(slope.slope, 3)}"
-    return f"slope {number(slope.slope, 3)} ± {number((slope.high - slope.low) / 2, 3)}"
+    half = (slope.high - slope.low) / 2
+    return f"slope {number(slope.slope, 3)} ± {number(half, 3 if half >= _FINE_SLOPE else 4)}"
 
 
 def _legend_handles(result: StudyResult) -> list[Line2D]:

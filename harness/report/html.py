@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import re
 from collections.abc import Iterable
 from html import escape
@@ -20,13 +21,17 @@ from harness.report.content import (
     Swatch,
     Table,
 )
+from harness.report.style import FONT, font_folder
+
+_FONT_NAME = "Report STIX"
 
 _STYLE = """
 :root { --ink: #1c1c1c; --soft: #5a5a5a; --rule: #d5d5d5; --paper: #fff; }
 * { box-sizing: border-box; }
 body { font: 16px/1.5 "Libertinus Serif", "Iowan Old Style", Palatino, Georgia, "Times New Roman", serif;
   color: var(--ink); background: #f2f2ef; margin: 0; }
-main { max-width: 62rem; margin: 0 auto; padding: 2.5rem 3rem 4rem; background: var(--paper); }
+main { max-width: 68rem; margin: 0 auto; padding: 2.5rem 3rem 4rem; background: var(--paper); }
+body { counter-reset: figure table; }
 h1 { font-size: 2rem; line-height: 1.15; margin: 0; } h2 { margin: 3rem 0 .5rem; border-top: 2px solid var(--ink);
   padding-top: .6rem; } h3 { margin: 1.8rem 0 .4rem; }
 .subtitle, .facts { color: var(--soft); } .facts { font-size: .9rem; }
@@ -36,27 +41,35 @@ a { color: #14508c; text-decoration: none; } a:hover { text-decoration: underlin
 ul.remarks { list-style: none; padding: 0; } ul.remarks li { padding-left: 1.6rem; position: relative; }
 ul.remarks .mark { position: absolute; left: 0; }
 .scroll { overflow-x: auto; }
-table { border-collapse: collapse; width: 100%; font-size: .85rem; font-variant-numeric: tabular-nums lining-nums; }
-th, td { padding: .22rem .55rem; text-align: left; vertical-align: top; white-space: nowrap; }
-th { border-bottom: 1px solid var(--ink); vertical-align: bottom; white-space: pre-line; line-height: 1.2; }
+table { border-collapse: collapse; border-bottom: 1px solid var(--ink); width: 100%;
+  font-size: .82rem; font-variant-numeric: tabular-nums lining-nums; }
+th, td { padding: .22rem .5rem; text-align: left; vertical-align: top; white-space: nowrap; }
+th { border-bottom: 1px solid var(--ink); vertical-align: bottom; white-space: pre; line-height: 1.2; }
 td.wide { white-space: normal; }
-tbody tr:last-child td { border-bottom: 1px solid var(--ink); } tr.rule td { border-top: 1px solid var(--rule); }
+tr.rule td { border-top: 1px solid var(--rule); }
 .right { text-align: right; } .center { text-align: center; }
 figure { margin: 1.4rem 0; } figcaption { font-size: .85rem; color: var(--soft); margin: .5rem 0; }
+figcaption::before { font-weight: bold; counter-increment: figure; content: "Figure " counter(figure) ". "; }
+.table figcaption::before { counter-increment: table; content: "Table " counter(table) ". "; }
 .mark { font-family: "DejaVu Sans", "Segoe UI Symbol", "Apple Symbols", sans-serif; font-weight: bold; }
 .pass { color: #1b6e3c; } .fail { color: #a8201a; font-weight: bold; } .inconclusive { color: #8a5a00; }
 .warning { color: #7a4a8c; } .exact { color: #1f5a8a; }
 .swatch { font-family: "DejaVu Sans", sans-serif; margin-right: .35em; font-size: .8em; }
 .pictures { display: grid; gap: .6rem; margin: .3rem 0 .8rem; } .pictures p { margin: 0 0 .2rem; font-size: .85rem; }
 .pictures img { width: 100%; display: block; image-rendering: pixelated; }
+.pictures > div > img { outline: 1px solid var(--rule); }
 .rowhead { display: flex; justify-content: space-between; align-items: end; font-size: .9rem; font-weight: bold; }
-.bar { font-size: .75rem; font-weight: normal; min-width: 12rem; } .bar img { width: 100%; height: .5rem; }
+.bar { font-size: .75rem; font-weight: normal; margin-top: .35rem; } .rowhead .bar { width: 15rem; }
+.bar img { width: 100%; height: .5rem; display: block; }
 .bar div { display: flex; justify-content: space-between; }
 .curves svg { width: 100%; height: auto; }
 dt { font-weight: bold; margin-top: .7rem; } dd { margin: 0; }
 @media (max-width: 50rem) { main { padding: 1.2rem; } }
 @media print { body { background: none; } h2 { break-before: page; } figure { break-inside: avoid; } }
 """
+
+# Cells with more letters than this may break their lines; numbers never do.
+_LONG_CELL = 40
 
 
 def html_page(document: Document) -> str:
@@ -75,8 +88,30 @@ def html_page(document: Document) -> str:
         '<h2 id="provenance">Provenance</h2>', *(_table(table) for table in document.provenance)]
     return (f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
             f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f"<title>{escape(document.title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n<main>\n"
+            f"<title>{escape(document.title)}</title>\n<style>{_font_face(document)}{_STYLE}</style>\n</head>\n<body>\n<main>\n"
             + "\n".join(part for part in parts if part) + "\n</main>\n</body>\n</html>\n")
+
+
+def _font_face(document: Document) -> str:
+    """The figures' font, cut down to the letters that they use: their layout was measured with it.
+
+    The STIX fonts' licence (SIL OFL 1.1) permits embedding; the renamed family keeps an installed one apart.
+    """
+    from fontTools import subset  # type: ignore[import-untyped]  # matplotlib itself requires it
+    from fontTools.ttLib import TTFont  # type: ignore[import-untyped]
+
+    letters = set().union(*(assets.decode() for name, assets in document.assets.items() if name.endswith(".svg")))
+    options = subset.Options(layout_features=[], hinting=False, notdef_outline=True)
+    font = TTFont(font_folder() / f"{FONT}.ttf")
+    options.drop_tables += ["FFTM"]  # a font editor's time stamps
+    cutter = subset.Subsetter(options)
+    cutter.populate(unicodes=[ord(letter) for letter in letters])
+    cutter.subset(font)
+    buffer = io.BytesIO()
+    font.flavor = "woff"
+    font.save(buffer)
+    source = f"data:font/woff;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+    return f'@font-face {{ font-family: "{_FONT_NAME}"; src: url({source}) format("woff"); }}\n'
 
 
 def _scene(scene: SceneSection, assets: dict[str, bytes]) -> str:
@@ -119,13 +154,13 @@ def _table(table: Table) -> str:
                 column += 1
                 continue
             cell = waiting.pop(0)
-            cells.append(_cell(cell, table.columns[column].align, wide=table.columns[column].share > 0))
+            cells.append(_cell(cell, table.columns[column].align, wide=len(cell.text) > _LONG_CELL))
             for covered in range(column, column + cell.columns):
                 spanned[covered] = cell.rows - 1
             column += cell.columns
         body.append(f'<tr class="rule">{"".join(cells)}</tr>' if index in table.rules else f"<tr>{''.join(cells)}</tr>")
-    return (f'<figure><figcaption>{_text(table.caption)}</figcaption><div class="scroll"><table><thead><tr>{head}</tr>'
-            f"</thead><tbody>{''.join(body)}</tbody></table></div></figure>")
+    return (f'<figure class="table"><figcaption>{_text(table.caption)}</figcaption><div class="scroll"><table><thead>'
+            f"<tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table></div></figure>")
 
 
 def _cell(cell: Cell, align: str, *, wide: bool) -> str:
@@ -177,5 +212,6 @@ def _curves(figure: CurveFigure, assets: dict[str, bytes], anchor: str) -> str:
     # Several figures share one page, so each needs its own names for clip paths and markers.
     svg = re.sub(r'\bid="', f'id="{anchor}-', svg)
     svg = re.sub(r'(url\(|xlink:href=")#', rf"\g<1>#{anchor}-", svg)
+    svg = svg.replace(f"'{FONT}'", f"'{_FONT_NAME}'")
     svg = svg.replace("<svg", f'<svg role="img" aria-label="{escape(figure.alt)}"', 1)
     return f'<figure class="curves">{svg}<figcaption>{_text(figure.caption)}</figcaption></figure>'

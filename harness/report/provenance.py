@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,8 +17,9 @@ from harness.results import StudyResult
 def provenance_tables(results: Sequence[StudyResult], profile: str, elapsed: Mapping[str, float]) -> tuple[Table, ...]:
     """What all studies share, what each scene has of its own, the references, and where the time went."""
     shared, own = _split(results)
+    settings = {"report profile": profile, **shared}
     tables = [Table("What all scenes share.", (Column("Setting"), Column("Value", share=1)),
-                    tuple((Cell(name), Cell(value)) for name, value in {"report profile": profile, **shared}.items()))]
+                    tuple((Cell(_words(name)), Cell(value)) for name, value in settings.items()))]
     tables.append(_scene_table(results, own))
     tables.append(_reference_table(results))
     if elapsed:
@@ -37,6 +39,11 @@ def _split(results: Sequence[StudyResult]) -> tuple[dict[str, str], dict[str, di
     return shared, own
 
 
+def _words(name: str) -> str:
+    """A setting's name in words: 'gl_renderer' -> 'GL renderer'."""
+    return re.sub(r"^gl\b", "GL", name.replace("_", " "))
+
+
 def _scene_table(results: Sequence[StudyResult], own: Mapping[str, Mapping[str, str]]) -> Table:
     """One row for each setting of a scene: settings vary in number, and their values in length."""
     rows: list[tuple[Cell, ...]] = []
@@ -45,7 +52,7 @@ def _scene_table(results: Sequence[StudyResult], own: Mapping[str, Mapping[str, 
         stops = f"{formats.number(result.exposure, 2, sign=True)} stops"
         settings = {"scene hash": result.scene_hash, "exposure": stops,
                     **{name: held[result.scene] for name, held in own.items()}}
-        text = "; ".join(f"{name} {value}" for name, value in settings.items())
+        text = "; ".join(f"{_words(name)} {value}" for name, value in settings.items())
         rules.append(len(rows))
         rows.append((Cell(result.scene), Cell(text)))
     return Table("What each scene has of its own.", (Column("Scene"), Column("Settings", share=1)), tuple(rows),

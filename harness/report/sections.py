@@ -144,7 +144,8 @@ def _differences(result: StudyResult, maps: Maps, stem: str, assets: Assets) -> 
         signed.append(Picture(files[0], title, f"Signed relative difference of {name}", swatch=swatch))
         noticed.append(Picture(files[1], "", f"FLIP map of {name}"))
     caption = (f"{result.scene}: all strategies at the end of their runs, replicas merged, on common scales. An "
-               "unbiased strategy leaves noise without structure; patches of one colour would be bias. "
+               "unbiased strategy leaves noise that averages out; an even patch of one colour would be bias. Blue with "
+               "scattered deep red is a heavy tail: rare bright samples carry the light. "
                f"{_scale_words(result.reference.mean)}")
     return PictureFigure(caption, (
         PictureRow(tuple(signed), "Signed relative difference", _difference_bar(limit)),

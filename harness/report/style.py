@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib
 
 # Text stays text in the SVG; the page's typesetter finds the same fonts, which matplotlib brings with it.
 FONT = "STIXGeneral"
-FONT_FALLBACKS = ("Libertinus Serif", "Times New Roman", "DejaVu Sans")
 FONT_SIZE = 8.0  # pt, at the size at which the figure is printed
 
 RC = {
@@ -41,6 +43,11 @@ RC = {
 
 GUIDE_COLOUR = "#c8c8c8"
 TOLERANCE_COLOUR = "#e9efe9"
+
+
+def font_folder() -> Path:
+    """Where matplotlib keeps the fonts that it brings; `FONT` and DejaVu Sans are among them."""
+    return Path(matplotlib.get_data_path()) / "fonts" / "ttf"
 
 
 @dataclass(frozen=True)

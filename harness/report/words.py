@@ -103,8 +103,10 @@ def _convergence(judged: Sequence[Pair]) -> list[Remark]:
     text = (f"RMSE falls with samples as Monte Carlo promises (slope {formats.MINUS}1/2 ± "
             f"{formats.number(SLOPE_TOLERANCE, 2)}) for {passed} of {formats.plural(len(fitted), 'fitted slope')}"
             f"{spread}; the intervals of {around} contain {formats.MINUS}1/2.")
-    wrong = [pair for (pair, _), each in zip(fitted, marks, strict=True) if each == "fail"]
-    return [Remark(text + (f" Not so: {_names(wrong)}." if wrong else ""), mark)]
+    for each, word in (("fail", "Not so"), ("inconclusive", "Still open")):
+        named = [pair for (pair, _), found in zip(fitted, marks, strict=True) if found == each]
+        text += f" {word}: {_names(named)}." if named else ""
+    return [Remark(text, mark)]
 
 
 def _gains(results: Sequence[StudyResult]) -> list[Remark]:
@@ -169,7 +171,8 @@ def reading() -> tuple[tuple[str, str], ...]:
         ("SSIM",
          "Structural similarity of the two images as displayed: fixed exposure, clipped, sRGB-encoded; 1 is "
          "identical. It follows what an eye would notice, mostly noise, and says little about bias. Its axis is "
-         "stretched so that each further nine (0.9, 0.99, 0.999) is one step up."),
+         "stretched so that each further nine (0.9, 0.99, 0.999) is one step up. A curve that levels off near the top "
+         "has met the noise of the reference, which SSIM cannot subtract."),
         ("FLIP and ΔE",
          "FLIP estimates the difference that a viewer notices when the two images alternate on a screen, 0 to 1 for "
          "each pixel. ΔE (CIE 2000) is a colour difference; around 1 is just noticeable side by side."),

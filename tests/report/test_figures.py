@@ -62,11 +62,12 @@ def test_the_same_result_gives_the_same_file_and_a_small_one(study: StudyResult,
 
 
 def unreadable(study: StudyResult, synthetic: ModuleType) -> list[StudyResult]:
-    """Results that strain a figure: one strategy, huge and tiny errors, nothing finite, two prefixes, one replica."""
+    """Results that strain a figure: one strategy, huge and tiny errors, long runs, nothing finite, two prefixes."""
     first = study.strategies[0]
     none = replace(first, rmse=first.rmse * np.nan, ssim=first.ssim * np.nan, mean_error=first.mean_error * np.nan)
     return [study, synthetic.exact_study(), replace(study, strategies=study.strategies[:1]),
-            replace(study, strategies=(replace(first, mean_error=first.mean_error * 1e4),)),
+            replace(study, strategies=(replace(first, mean_error=first.mean_error * 1e9),)),
+            replace(study, strategies=(replace(first, spp=8**np.arange(len(first.spp))),)),
             replace(study, strategies=(replace(first, rmse=first.rmse * 1e-5),)),
             replace(study, strategies=(none,)), synthetic.study_result("short", spp=2, replicas=1)]
 

@@ -123,7 +123,8 @@ def test_a_file_that_is_no_study_is_refused_in_one_line(saved: Path, change: dic
 
 
 @pytest.mark.parametrize(("name", "value"), [
-    ("spp", [1, 2]), ("rmse", [[1.0]]), ("ssim", 3), ("verdict", {}), ("slope", {"slope": 1}), ("flip", "x")])
+    ("spp", [1, 2]), ("spp", [[1, 2, 4, 8, 16, 32, 64]]),
+    ("rmse", [[1.0]]), ("ssim", 3), ("verdict", {}), ("slope", {"slope": 1}), ("flip", "x")])
 def test_a_damaged_strategy_is_refused_in_one_line(saved: Path, name: str, value: object) -> None:
     content = json.loads((saved / "study.json").read_text())
     content["strategies"][0][name] = value
