@@ -71,7 +71,7 @@ def test_plates_show_the_lobes_albedo(mi: Any, integrator: str) -> None:
 @pytest.mark.parametrize("name", ["spheres", "glossy_ladder", "cornell"])
 def test_the_two_integrators_agree(mi: Any, name: str) -> None:
     """With and without light sampling the mean is the same, in the whole image and in each of 16 tiles."""
-    path, bsdf = (estimate(ReferenceRenderer(scene(name), integrator), batches=8) for integrator in INTEGRATORS)
+    path, bsdf = (estimate(ReferenceRenderer(scene(name), integrator), spp=32) for integrator in INTEGRATORS)
     z = (path.image_mean - bsdf.image_mean) / np.sqrt(path.image_variance + bsdf.image_variance)
     assert (np.abs(z) <= SIGMAS).all(), z
 
