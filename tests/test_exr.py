@@ -68,6 +68,8 @@ class TestEstimates:
         assert np.isnan(found.variance).all() and np.isnan(found.luminance_variance).all()
         assert np.isnan(found.image_variance).all()
         assert found.batches == 1
+        with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+            assert set(file.channels()) == {"R", "G", "B"}
 
     def test_exact_answer_stays_exact(self, tmp_path: Path) -> None:
         write_estimate(tmp_path / "a.exr", Estimate.exact(np.full((*SHAPE, 3), 0.5)))
@@ -143,7 +145,7 @@ class TestForeignFiles:
     @pytest.mark.parametrize("kind", ["f2", "f4"])
     def test_rgb_is_all_that_is_needed(self, tmp_path: Path, kind: str) -> None:
         channels = {"R": plane(0.25, kind), "G": plane(0.5, kind), "B": plane(0.75, kind), "A": plane(1, kind)}
-        path = foreign(tmp_path / "a.exr", channels, spp=64, software="another renderer")
+        path = foreign(tmp_path / "a.exr", channels, spp=64, software="another renderer", anchor=(1.0, 2.0))
         found, metadata = read_estimate(path)
         np.testing.assert_array_equal(found.mean, np.broadcast_to([0.25, 0.5, 0.75], (*SHAPE, 3)))
         np.testing.assert_allclose(found.image_mean, [0.25, 0.5, 0.75, 0.25 * 0.2126 + 0.5 * 0.7152 + 0.75 * 0.0722])

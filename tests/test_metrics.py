@@ -34,6 +34,7 @@ class TestEncodeSrgb:
     @pytest.mark.parametrize(("linear", "encoded"), [
         (0.0, 0.0),
         (0.001, 0.01292),  # the linear toe
+        (0.01, 0.0998528),  # the power law
         (0.0031308, 0.04045),  # where toe and power law meet
         (0.21404114, 0.5),  # middle of the code values
         (1.0, 1.0),
@@ -98,9 +99,17 @@ class TestLinearErrors:
         assert relmse(test, GREY, outliers=0.0) > 1000
 
     def test_relmse_outliers_are_pixels_and_not_channels(self) -> None:
+        """Three broken channels of one pixel go, one channel of each of three pixels does not."""
         test = GREY.copy()
         test[3, 4] = (9.0, 99.0, 999.0)
         assert relmse(test, GREY) == 0.0
+        test[3, 4:7] = np.diag((9.0, 99.0, 999.0))
+        assert relmse(test, GREY) > 0.1
+
+    def test_relmse_does_not_take_a_nan_for_an_outlier(self) -> None:
+        test = GREY.copy()
+        test[3, 4] = np.nan
+        assert np.isnan(relmse(test, GREY))
 
     def test_mean_error_is_signed_and_relative(self) -> None:
         test = GREY * np.array([1.1, 1.0, 0.8])
@@ -175,6 +184,11 @@ class TestFlip:
         distance, largest = 100**0.7, 203.3**0.7
         expected = 0.95 + 0.05 * (distance - 0.4 * largest) / (0.6 * largest)
         assert flip(np.ones(GREY.shape), np.zeros(GREY.shape)) == pytest.approx(expected, abs=1e-3)
+
+    def test_greys_differ_by_lightness(self) -> None:
+        """Of linear 0.25 and 0.36 (CIE 15:2018), to the power 0.7, on the lower part of the same curve."""
+        distance, largest = (116 * (0.36 ** (1 / 3) - 0.25 ** (1 / 3)))**0.7, 203.3**0.7
+        assert flip(np.full(GREY.shape, 0.36), GREY) == pytest.approx(0.95 * distance / (0.4 * largest), abs=1e-3)
 
     def test_map_shows_where(self) -> None:
         test = GREY.copy()

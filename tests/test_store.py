@@ -154,7 +154,7 @@ class TestDamage:
         np.testing.assert_array_equal(again.mean, batch().mean)
         (record,) = caplog.records
         assert str(path) in record.getMessage() and "rendered again" in record.getMessage()
-        assert "\n" not in record.getMessage()
+        assert "\n" not in record.getMessage() and record.getMessage().count(";") == 1
 
     def test_foreign_image_in_its_place_is_not_taken_for_a_batch(self, store: Store) -> None:
         from harness.estimate import Estimate

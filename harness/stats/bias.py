@@ -105,8 +105,7 @@ def mean_error_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_do
     slope = np.where(scale == np.abs(reference_mean), test_mean / scale, 1.0)
     from_reference = slope**2 * reference_variance / scale**2
     sigma = np.sqrt(from_test + from_reference)
-    dof = _satterthwaite(from_test + from_reference,
-                         from_test**2 / _positive(test_dof) + from_reference**2 / _positive(reference_dof))
+    dof = _satterthwaite(from_test + from_reference, from_test**2 / test_dof + from_reference**2 / reference_dof)
     alpha = 1 - confidence
     half = _half_width(sigma, dof, alpha)
     guarded = _half_width(sigma, dof, alpha / len(CHANNELS))
@@ -145,7 +144,7 @@ def tile_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_dof: flo
     test, reference = tile_sums(test_mean, tile) / pixels, tile_sums(reference_mean, tile) / pixels
     from_test, from_reference = (tile_sums(v, tile) / pixels**2 for v in (test_variance, reference_variance))
     variance = from_test + from_reference
-    squares = test_variance**2 / _positive(test_dof) + reference_variance**2 / _positive(reference_dof)
+    squares = test_variance**2 / test_dof + reference_variance**2 / reference_dof
     dof = _satterthwaite(variance, tile_sums(squares, tile) / pixels**4)
     floor = DARK_TILE * np.abs(reference_mean.mean((0, 1)))
     scale = np.maximum(np.abs(reference), np.where(floor > 0, floor, 1.0))
@@ -235,10 +234,6 @@ def _satterthwaite(variance: np.ndarray, squares: np.ndarray) -> np.ndarray:
     """Degrees of freedom of a sum of variances, given Σ variance²/dof; infinite where nothing is uncertain."""
     with np.errstate(invalid="ignore"):
         return np.where(squares == 0, np.inf, variance**2 / np.where(squares == 0, 1.0, squares))
-
-
-def _positive(dof: float) -> float:
-    return dof if dof > 0 else np.nan
 
 
 def _half_width(sigma: np.ndarray, dof: np.ndarray, alpha: float) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +17,9 @@ from harness.stats.bias import Outcome, check_confidence
 class Slope:
     """The power law error = coefficient x spp^slope, with the slope's confidence interval over the replicas.
 
-    `coefficient` is the law's error at one sample per pixel, the geometric mean over replicas, in the error's unit.
-    `points` counts the prefixes that the fit uses. With a single replica the interval is infinite; with fewer than
-    two usable prefixes slope and coefficient are NaN.
+    `coefficient` is the law's error at one sample per pixel, in the error's unit. `points` counts the prefixes that
+    the fit uses. With a single replica the interval is infinite; with fewer than two usable prefixes slope and
+    coefficient are NaN.
     """
 
     slope: float
@@ -31,22 +32,30 @@ class Slope:
 
 
 def fit_slope(spp: np.ndarray, rmse: np.ndarray, confidence: float = 0.95) -> Slope:
-    """Fit a power law to each replica's error by least squares on log-log axes, and average over replicas.
+    """Fit a power law to the replicas' mean squared error by least squares on log-log axes.
 
-    `spp` (P,), `rmse` (R, P) or (P,). The prefixes of one run share samples, so the scatter about one fitted line
-    says nothing about its slope's error; replicas are independent, so the Student interval over their slopes does.
+    `spp` (P,), `rmse` (R, P) or (P,). The *squares* are averaged over replicas before the logarithm, because it is
+    they whose expectation falls as 1/N: the mean of the replicas' own logarithms lies below it, the more so the
+    heavier the tail and the fewer the samples, and that flattens the slope. (Simulated, 8 replicas, pixels of which
+    1 sample in 10^4 carries all the light: the average of the replicas' slopes is -0.32 and its 95 % interval holds
+    -1/2 in 72 % of runs; this fit gives -0.503 and 98 %. Beyond that, at 1 in 10^5 and 1024 samples, no interval from
+    8 replicas is honest, since most pixels have not seen their light: 75 %.)
 
-    An error that is zero, negative or not finite has no logarithm. It arises where the noise of the reference, which
-    is subtracted, exceeds what was measured. A prefix at which that happens in *any* replica is left out of *all*:
-    dropping the one replica would keep those that happened to be high and bend the line upwards. HarnessError when
-    shapes do not match, spp is not positive, or confidence is outside (0, 1).
+    The prefixes of one run share samples, so the scatter about the line says nothing about its slope's error;
+    replicas are independent, so the jackknife over them does, with its bias correction: Tukey 1958; Efron 1982, "The
+    Jackknife, the Bootstrap and Other Resampling Plans", chapter 2.
+
+    An error that is zero, negative or not finite arises where the noise of the reference, which is subtracted, exceeds
+    what was measured. A prefix at which that happens in *any* replica is left out of *all*: dropping the one replica
+    would keep those that happened to be high and bend the line upwards. HarnessError when shapes do not match, spp is
+    not positive, or confidence is outside (0, 1).
     """
-    slopes, intercepts, points = _lines(spp, rmse, confidence)
+    x, squares = _usable(spp, rmse, confidence)
+    replicas, points = squares.shape
     if points < 2:
-        return Slope(math.nan, -math.inf, math.inf, confidence, len(slopes), math.nan, points)
-    mean, half = _mean_and_half_width(slopes, confidence)
-    return Slope(float(mean), float(mean - half), float(mean + half), confidence, len(slopes),
-                 float(np.exp(intercepts.mean())), points)
+        return Slope(math.nan, -math.inf, math.inf, confidence, replicas, math.nan, points)
+    value, half = _jackknife(lambda chosen: _line(x, chosen)[0], squares, confidence)
+    return Slope(value, value - half, value + half, confidence, replicas, _exp(_line(x, squares)[1]), points)
 
 
 def slope_verdict(slope: Slope, expected: float = -0.5, tolerance: float = 0.05) -> Outcome:
@@ -69,21 +78,26 @@ def spp_to_reach(spp: np.ndarray, rmse: np.ndarray, target: float,
                  confidence: float = 0.95) -> tuple[float, float, float]:
     """Samples per pixel at which the fitted power law meets `target`, with its interval: (value, low, high).
 
-    Each replica's own line is solved for the target and the results averaged as logarithms, so the value is a
-    geometric mean and the interval, Student over replicas, is asymmetric. Extrapolates where the target lies outside
-    the measured range. All three are infinite when some replica's error does not fall; the interval is (0, inf) with
-    a single replica; all are NaN when there are fewer than two usable prefixes (see `fit_slope`). HarnessError for a
-    target that is not positive and finite, and as `fit_slope`.
+    The line of `fit_slope` is solved for the target; the interval is the jackknife's, of the logarithm, so that it is
+    asymmetric. Extrapolates where the target lies outside the measured range. All three are infinite where the error
+    does not fall, with or without some replica; the interval is (0, inf) with a single replica; all are NaN when there
+    are fewer than two usable prefixes (see `fit_slope`). HarnessError for a target that is not positive and finite,
+    and as `fit_slope`.
     """
     if not 0 < target < math.inf:
         raise HarnessError(f"the error to reach must be positive, found {target}")
-    slopes, intercepts, points = _lines(spp, rmse, confidence)
-    if points < 2:
+    x, squares = _usable(spp, rmse, confidence)
+    if squares.shape[1] < 2:
         return math.nan, math.nan, math.nan
-    if (slopes >= 0).any():
+
+    def solved(chosen: np.ndarray) -> float:
+        slope, intercept = _line(x, chosen)
+        return (math.log(target) - intercept) / slope if slope < 0 else math.inf
+
+    value, half = _jackknife(solved, squares, confidence)
+    if not math.isfinite(value):
         return math.inf, math.inf, math.inf
-    mean, half = _mean_and_half_width((math.log(target) - intercepts) / slopes, confidence)
-    return _exp(float(mean)), _exp(float(mean - half)), _exp(float(mean + half))
+    return _exp(value), _exp(value - half), _exp(value + half)
 
 
 def band(values: np.ndarray, confidence: float = 0.95, *,
@@ -103,8 +117,8 @@ def band(values: np.ndarray, confidence: float = 0.95, *,
     return (np.exp(mean), np.exp(low), np.exp(high)) if geometric else (mean, low, high)
 
 
-def _lines(spp: np.ndarray, rmse: np.ndarray, confidence: float) -> tuple[np.ndarray, np.ndarray, int]:
-    """Slope and intercept of each replica's line on log axes, (R,) each, and the number of prefixes used."""
+def _usable(spp: np.ndarray, rmse: np.ndarray, confidence: float) -> tuple[np.ndarray, np.ndarray]:
+    """log spp (P',) and squared errors (R, P') of the prefixes whose error is positive in every replica."""
     spp = np.asarray(spp, dtype=np.float64)
     rmse = np.atleast_2d(np.asarray(rmse, dtype=np.float64))
     if spp.ndim != 1 or rmse.ndim != 2 or rmse.shape[1] != len(spp):
@@ -113,14 +127,28 @@ def _lines(spp: np.ndarray, rmse: np.ndarray, confidence: float) -> tuple[np.nda
         raise HarnessError(f"samples per pixel must be positive, found {spp.min():g}")
     check_confidence(confidence)
     usable = (np.isfinite(rmse) & (rmse > 0)).all(axis=0)
-    points = int(usable.sum())
-    if points < 2:
-        nothing = np.full(len(rmse), np.nan)
-        return nothing, nothing, points
-    x, y = np.log(spp[usable]), np.log(rmse[:, usable])
+    return np.log(spp[usable]), rmse[:, usable] ** 2
+
+
+def _line(x: np.ndarray, squares: np.ndarray) -> tuple[float, float]:
+    """Slope and intercept, on log axes, of the root of the mean over replicas of squared errors (R, P)."""
+    y = 0.5 * np.log(squares.mean(axis=0))
     centred = x - x.mean()
-    slopes = y @ centred / (centred @ centred)
-    return slopes, y.mean(axis=1) - slopes * x.mean(), points
+    slope = float(y @ centred / (centred @ centred))
+    return slope, float(y.mean()) - slope * float(x.mean())
+
+
+def _jackknife(statistic: Callable[[np.ndarray], float], replicas: np.ndarray, confidence: float) -> tuple[float, float]:
+    """The bias-corrected statistic, and half its Student interval over the pseudo-values of leaving one replica out."""
+    count = len(replicas)
+    whole = statistic(replicas)
+    if count < 2:
+        return whole, math.inf
+    without = np.array([statistic(np.delete(replicas, index, axis=0)) for index in range(count)])
+    if not (math.isfinite(whole) and np.isfinite(without).all()):
+        return math.inf, math.inf
+    mean, half = _mean_and_half_width(count * whole - (count - 1) * without, confidence)
+    return float(mean), float(half)
 
 
 def _mean_and_half_width(values: np.ndarray, confidence: float) -> tuple[np.ndarray, np.ndarray]:

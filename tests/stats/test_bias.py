@@ -226,6 +226,8 @@ class TestTiles:
         truth = np.ones(self.SHAPE)
         assert self.compare(rng, truth, truth, sigma=0.05).outcome == "pass"
         assert self.compare(rng, truth, truth, sigma=0.5).outcome == "inconclusive"
+        perfect = tile_verdict(truth, 9 * truth, 15, truth, 9 * truth, 15)
+        assert perfect.outcome == "inconclusive" and not perfect.error.any()
 
     def test_defect_below_the_tolerance_is_tolerated(self, rng: np.random.Generator) -> None:
         """Plainly there (|z| beyond critical), yet smaller than what was asked about."""
@@ -280,7 +282,9 @@ class TestTiles:
 
     def test_unknown_variance_is_inconclusive(self) -> None:
         truth = np.ones(self.SHAPE)
-        assert tile_verdict(truth, truth * np.nan, 0, truth, 0 * truth, math.inf).outcome == "inconclusive"
+        found = tile_verdict(truth, truth * np.nan, 0, truth, 0 * truth, math.inf)
+        assert found.outcome == "inconclusive" and "two batches" in found.reason
+        assert np.isinf(found.smallest_detectable).all()
 
     def test_z_saturates_instead_of_overflowing(self) -> None:
         """An exact image that is wrong is infinitely many standard errors off; the picture of it stays finite."""

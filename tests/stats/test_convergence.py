@@ -66,9 +66,14 @@ class TestFitSlope:
         assert found.slope == pytest.approx(-0.5, abs=1e-12)
         assert found.points == len(SPP) - 2
 
-    def test_errors_that_all_vanish_have_no_slope(self) -> None:
-        found = fit_slope(SPP, np.zeros((3, len(SPP))))
-        assert math.isnan(found.slope) and found.points == 0
+    @pytest.mark.parametrize("left", [0, 1])
+    def test_errors_that_vanish_have_no_slope(self, left: int) -> None:
+        """No point or one is no line."""
+        rmse = np.zeros((3, len(SPP)))
+        rmse[:, :left] = 1.0
+        found = fit_slope(SPP, rmse)
+        assert math.isnan(found.slope) and found.points == left
+        assert (found.low, found.high) == (-math.inf, math.inf)
         assert slope_verdict(found) == "inconclusive"
 
     @pytest.mark.parametrize(("spp", "rmse", "message"), [
