@@ -54,7 +54,7 @@ def fit_slope(spp: np.ndarray, rmse: np.ndarray, confidence: float = 0.95) -> Sl
     replicas, points = squares.shape
     if points < 2:
         return Slope(math.nan, -math.inf, math.inf, confidence, replicas, math.nan, points)
-    value, half = _jackknife(lambda chosen: _line(x, chosen)[0], squares, confidence)
+    _, value, half = _jackknife(lambda chosen: _line(x, chosen)[0], squares, confidence)
     return Slope(value, value - half, value + half, confidence, replicas, _exp(_line(x, squares)[1]), points)
 
 
@@ -78,7 +78,7 @@ def spp_to_reach(spp: np.ndarray, rmse: np.ndarray, target: float,
                  confidence: float = 0.95) -> tuple[float, float, float]:
     """Samples per pixel at which the fitted power law meets `target`, with its interval: (value, low, high).
 
-    The line of `fit_slope` is solved for the target; the interval is the jackknife's, of the logarithm, so that it is
+    The line of `fit_slope` is solved for the target; the interval is the jackknife's, of the logarithm, so it is
     asymmetric. Extrapolates where the target lies outside the measured range. All three are infinite where the error
     does not fall, with or without some replica; the interval is (0, inf) with a single replica; all are NaN when there
     are fewer than two usable prefixes (see `fit_slope`). HarnessError for a target that is not positive and finite,
@@ -94,7 +94,7 @@ def spp_to_reach(spp: np.ndarray, rmse: np.ndarray, target: float,
         slope, intercept = _line(x, chosen)
         return (math.log(target) - intercept) / slope if slope < 0 else math.inf
 
-    value, half = _jackknife(solved, squares, confidence)
+    value, _, half = _jackknife(solved, squares, confidence)
     if not math.isfinite(value):
         return math.inf, math.inf, math.inf
     return _exp(value), _exp(value - half), _exp(value + half)
@@ -138,17 +138,18 @@ def _line(x: np.ndarray, squares: np.ndarray) -> tuple[float, float]:
     return slope, float(y.mean()) - slope * float(x.mean())
 
 
-def _jackknife(statistic: Callable[[np.ndarray], float], replicas: np.ndarray, confidence: float) -> tuple[float, float]:
-    """The bias-corrected statistic, and half its Student interval over the pseudo-values of leaving one replica out."""
+def _jackknife(statistic: Callable[[np.ndarray], float], replicas: np.ndarray,
+               confidence: float) -> tuple[float, float, float]:
+    """The statistic, its bias-corrected value, and half the Student interval over the pseudo-values."""
     count = len(replicas)
     whole = statistic(replicas)
     if count < 2:
-        return whole, math.inf
+        return whole, whole, math.inf
     without = np.array([statistic(np.delete(replicas, index, axis=0)) for index in range(count)])
     if not (math.isfinite(whole) and np.isfinite(without).all()):
-        return math.inf, math.inf
+        return math.inf, math.inf, math.inf
     mean, half = _mean_and_half_width(count * whole - (count - 1) * without, confidence)
-    return float(mean), float(half)
+    return whole, float(mean), float(half)
 
 
 def _mean_and_half_width(values: np.ndarray, confidence: float) -> tuple[np.ndarray, np.ndarray]:
