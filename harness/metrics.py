@@ -103,8 +103,8 @@ def flip(test: ArrayLike, reference: ArrayLike, exposure: float = 0.0) -> float:
 def delta_e2000(test: ArrayLike, reference: ArrayLike, exposure: float = 0.0) -> float:
     """Mean over pixels of the CIEDE2000 colour difference (CIE 142-2001) of the images as displayed, D65.
 
-    About 1 is just noticeable. scikit-image's formula agrees with colour-science's to 1e-12 without that package's
-    import, which takes seconds.
+    About 1 is just noticeable. By scikit-image; the tests hold it against colour-science, whose import takes
+    seconds.
     """
     from skimage.color import deltaE_ciede2000, rgb2lab
 

@@ -121,7 +121,7 @@ def judge(test: Estimate, reference: Estimate, *, tolerance: float = TOLERANCE,
 
 def versions() -> dict[str, str]:
     """Versions of all that numbers depend on: packages, Python, the GL driver."""
-    packages = ("glsl-validation-harness", "mitsuba", "drjit", "moderngl", "numpy", "scikit-image", "colour-science",
+    packages = ("glsl-validation-harness", "mitsuba", "drjit", "moderngl", "numpy", "scikit-image",
                 "flip-evaluator")
     return {
         **{name: metadata.version(name) for name in packages},

@@ -246,6 +246,19 @@ class TestDeltaE2000:
         assert delta_e2000(GREY * 0.72, GREY / 2, exposure=1.0) == pytest.approx(delta_e2000(GREY * 1.44, GREY))
 
 
+def test_colours_agree_with_colour_science(rng: np.random.Generator) -> None:
+    """An independent implementation of the whole chain: the sRGB curve, CIE Lab under D65, CIEDE2000."""
+    import colour
+
+    first, second = rng.random((2, 24, 24, 3)) * 1.2
+    np.testing.assert_allclose(encode_srgb(first), colour.models.eotf_inverse_sRGB(np.clip(first, 0, 1)), atol=1e-9)
+    lab = [colour.XYZ_to_Lab(colour.RGB_to_XYZ(np.clip(image, 0, 1), "sRGB"),
+                             colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"])
+           for image in (first, second)]
+    expected = colour.delta_E(*lab, method="CIE 2000").mean()
+    assert delta_e2000(first, second) == pytest.approx(expected, rel=2e-4)  # their rounded white points differ
+
+
 class TestSignedRelativeDifference:
     """The picture of where it is too bright or too dark."""
 
