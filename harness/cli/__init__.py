@@ -8,15 +8,16 @@ every command's module is imported whichever command runs.
 
 from __future__ import annotations
 
-import importlib
+import errno
 import os
+import signal
 import sys
-from collections.abc import Sequence
-from typing import Annotated
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 
-import typer
-
-from harness.errors import HarnessError
+from harness.errors import HarnessError, MachineError
 
 COMMANDS = {
     "doctor": "doctor", "render": "render", "reference": "render", "compare": "compare", "study": "study",
@@ -34,23 +35,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0 done and good; 1 a verdict went against the render; 2 bad input and 3 a lacking machine, both with one line on
     stderr. Any other exception is a bug of the harness and keeps its traceback.
     """
-    try:
-        status = _app()(args=arguments, prog_name="harness", standalone_mode=False)
-        sys.stdout.flush()  # a reader that went away shows here at the latest
-    except HarnessError as error:
-        return _fail(str(error), error.exit_status)
-    except typer.TyperException as error:  # a wrong option, argument or command name
-        context = getattr(error, "ctx", None)
-        command = context.command_path if context else "harness"
-        return _fail(f"{error.format_message().rstrip('.')}; see `{command} --help`", EXIT_USAGE)
-    except (KeyboardInterrupt, typer.Abort):
-        status = EXIT_INTERRUPTED
-    except BrokenPipeError:
-        return _end_quietly()
-    except SystemExit as end:  # typer ends a broken pipe with 1, which here means that a verdict went against
-        if not isinstance(end.__context__, BrokenPipeError):
-            raise
-        return _end_quietly()
+    with _noting_interrupts() as interrupted:
+        try:
+            from harness.cli.app import build  # typer takes a while to import, in which Ctrl-C must end in one line
+
+            status = build(COMMANDS)(args=arguments, prog_name="harness", standalone_mode=False)
+            sys.stdout.flush()  # a reader that went away shows here at the latest
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt) or interrupted.is_set():
+                status = EXIT_INTERRUPTED
+            elif (status := _explain(error)) is None:
+                raise
     if status == EXIT_INTERRUPTED:
         print("harness: interrupted", file=sys.stderr)
     return status or 0
@@ -58,7 +53,69 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def console_script() -> None:
     """Entry point of the command `harness`."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by whoever started the process
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+        else:  # no character of a path or a table may end a command where the terminal cannot show it
+            stream.reconfigure(errors="backslashreplace")
     sys.exit(main())
+
+
+@contextmanager
+def _noting_interrupts() -> Iterator[threading.Event]:
+    """An event that Ctrl-C sets besides raising KeyboardInterrupt, which packages' imports turn into other errors."""
+    interrupted = threading.Event()
+
+    def note(number: int, frame: FrameType | None) -> None:
+        interrupted.set()
+        signal.default_int_handler(number, frame)
+
+    ours = (threading.current_thread() is threading.main_thread()
+            and signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+    if ours:
+        signal.signal(signal.SIGINT, note)
+    try:
+        yield interrupted
+    finally:
+        if ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _explain(error: BaseException) -> int | None:
+    """Say in one line what went wrong, and return the exit status; None for what is a bug of the harness."""
+    import typer
+
+    match error:
+        case HarnessError():
+            return _fail(str(error), error.exit_status)
+        case typer.Abort():
+            return EXIT_INTERRUPTED
+        case typer.TyperException():  # a wrong option, argument or command name
+            return _fail(_usage(error), EXIT_USAGE)
+        case BrokenPipeError():
+            return _end_quietly()
+        case SystemExit() if isinstance(error.__context__, BrokenPipeError):
+            return _end_quietly()  # typer ends a broken pipe with 1, which here means that a verdict went against
+        case MemoryError():
+            return _fail("not enough memory; choose a smaller --size", MachineError.exit_status)
+        case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):  # files of ours raise StoreError instead
+            _discard_stdout()
+            return _fail(f"the output cannot be written ({error.strerror}); send it elsewhere, or free some space",
+                         EXIT_USAGE)
+    return None
+
+
+def _usage(error: Exception) -> str:
+    """A message of typer's, with the value that it complains of and where the help is."""
+    message = " ".join(str(getattr(error, "format_message", error.__str__)()).split()).rstrip(".")
+    message = message.replace("Value error, ", "")
+    details = getattr(error.__cause__, "errors", None)  # pydantic's, which leave out what was found
+    found = details()[0]["input"] if details else None
+    if isinstance(found, str) and found not in message:
+        message += f", found '{found}'"
+    context = getattr(error, "ctx", None)
+    return f"{message}; see `{context.command_path if context else 'harness'} --help`"
 
 
 def _fail(message: str, status: int) -> int:
@@ -67,33 +124,11 @@ def _fail(message: str, status: int) -> int:
 
 
 def _end_quietly() -> int:
-    """After the reader of stdout went away. Python flushes stdout once more on exit, which must not raise again."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    """After the reader of stdout went away."""
+    _discard_stdout()
     return EXIT_BROKEN_PIPE
 
 
-def _app() -> typer.Typer:
-    app = typer.Typer(
-        help="Validate a GLSL Monte-Carlo path tracer against Mitsuba 3, both rendering the same scene file.",
-        add_completion=False, pretty_exceptions_enable=False,
-        rich_markup_mode=None,  # plain help: importing rich's would double the time to `harness --help`
-        context_settings={"help_option_names": ["-h", "--help"]},
-    )
-    app.callback(invoke_without_command=True)(_root)
-    for name, module in COMMANDS.items():
-        app.command(name)(getattr(importlib.import_module(f"harness.cli.{module}"), name))
-    return app
-
-
-def _root(
-    context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
-) -> None:
-    if version:
-        from importlib import metadata
-
-        print(metadata.version("glsl-validation-harness"))
-        raise typer.Exit
-    if context.invoked_subcommand is None:
-        print(context.get_help())
-        raise typer.Exit
+def _discard_stdout() -> None:
+    """Python flushes stdout once more on exit, which must not raise again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
