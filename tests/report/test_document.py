@@ -109,7 +109,9 @@ def test_results_that_make_no_report_are_refused(study: StudyResult, tmp_path: P
     assert not list(tmp_path.iterdir())
 
 
-def test_an_unwritable_folder_is_refused_before_any_work(study: StudyResult, tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_refused_before_any_work(study: StudyResult, tmp_path: Path,
+                                                         monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(document, "compose", lambda *_, **__: pytest.fail("began to work"))
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(StoreError, match="cannot be written"):
         build_report([study], tmp_path / "file", profile="quick")
