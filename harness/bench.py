@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import statistics
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from harness.errors import StoreError
 from harness.estimate import Accumulator
@@ -129,12 +130,18 @@ def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Row:
 def save(rows: Sequence[Row], path: Path) -> None:
     """Write the rows and the versions they were measured with as JSON, for the report."""
     with write_atomically(path) as partial:
-        partial.write_text(json.dumps({"rows": [asdict(row) for row in rows], "versions": versions()}, indent=2) + "\n")
+        content = {"rows": [asdict(row) for row in rows], "versions": versions()}
+        partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 def load(path: Path) -> list[Row]:
     """The rows that `save` wrote; StoreError where the file is not one."""
     try:
-        return [Row(**row) for row in json.loads(path.read_text())["rows"]]
+        return [_row(held) for held in json.loads(path.read_text(encoding="utf-8"))["rows"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"{path}: not a benchmark result ({error}); run `harness bench` again") from None
+        raise StoreError(f"{path}: not a benchmark result ({type(error).__name__}: {error}); run `harness bench` again"
+                         ) from None
+
+
+def _row(held: Mapping[str, Any]) -> Row:
+    return Row(**{field.name: (str if field.type == "str" else float)(held[field.name]) for field in fields(Row)})

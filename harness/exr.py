@@ -118,6 +118,8 @@ def _write(path: Path, channels: Mapping[str, np.ndarray], metadata: Mapping[str
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Value]]:
     """All channels of the first part, and the metadata; StoreError as `read_estimate`."""
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():  # a device might never end
+            raise StoreError(f"{path}: not a regular file; name a readable EXR file")
         data = path.read_bytes()
     except FileNotFoundError as error:
         raise StoreError(f"{path}: no such file; check the name, or render it first") from error

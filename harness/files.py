@@ -100,6 +100,9 @@ def _writable_target(path: Path) -> Path:
             kind = "a folder" if target.is_dir() else "not a regular file"
             raise StoreError(f"{path}: cannot be written, it is {kind}; name a file")
         target.parent.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        taken = next(folder for folder in target.parents if folder.exists())
+        raise StoreError(f"{path}: cannot be written, {taken} is not a folder; choose another place") from error
     except OSError as error:
         raise _unwritable(path, error) from error
     return target

@@ -70,13 +70,17 @@ def ssim(test: ArrayLike, reference: ArrayLike, exposure: float = 0.0) -> float:
     from skimage.metrics import structural_similarity
 
     test, reference = _pair(test, reference)
-    height, width = reference.shape[:2]
-    if min(height, width) < SSIM_WINDOW:
-        raise HarnessError(f"SSIM needs images of at least {SSIM_WINDOW} x {SSIM_WINDOW} pixels, found "
-                           f"{width} x {height}; render a larger image")
+    require_ssim_size(*reference.shape[:2])
     return float(structural_similarity(  # type: ignore[no-untyped-call]
         encode_srgb(test, exposure), encode_srgb(reference, exposure), data_range=1.0, channel_axis=-1,
         gaussian_weights=True, sigma=SSIM_SIGMA, use_sample_covariance=False))
+
+
+def require_ssim_size(height: int, width: int) -> None:
+    """HarnessError for images smaller than SSIM's window, 11 pixels; called before a render that would be in vain."""
+    if min(height, width) < SSIM_WINDOW:
+        raise HarnessError(f"SSIM needs images of at least {SSIM_WINDOW} x {SSIM_WINDOW} pixels, found "
+                           f"{width} x {height}; render a larger image")
 
 
 def flip_map(test: ArrayLike, reference: ArrayLike, exposure: float = 0.0,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from harness import metrics
 from harness.errors import HarnessError
-from harness.estimate import Accumulator, Estimate, luminance
+from harness.estimate import Accumulator, Batch, Estimate, luminance
 from harness.results import StrategyResult, StudyResult
 from harness.runs import (
     CONFIDENCE,
@@ -66,7 +66,8 @@ def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1
     `strategies`: all that suit the scene where None. `spp`: samples per pixel of each replica; where `replicas` are
     too few to decide, more are added, up to `max_replicas` (8 x replicas by default). `reference`: a ready one (closed
     form, file); otherwise Mitsuba renders `reference_spp` samples, 4 x spp by default. A study that was
-    interrupted continues from the store. Raises HarnessError for an unknown strategy or counts below their minimum.
+    interrupted continues from the store. Raises HarnessError for an unknown strategy, counts below their minimum, an
+    image too small for SSIM, and a reference of another size or with pixels that are not finite.
     """
     if spp < 1:
         raise HarnessError(f"samples per pixel must be at least 1, found {spp}")
@@ -76,12 +77,15 @@ def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1
     plan = _Plan(spp, replicas, max_replicas or MAX_REPLICA_FACTOR * replicas, tolerance, confidence)
     for name in names:
         check_strategy(scene, name)
+    metrics.require_ssim_size(scene.height, scene.width)
     kind = "given" if reference else "Mitsuba"
     if reference is None:
         reference = render_reference(scene, reference_spp or REFERENCE_FACTOR * spp, store=store, progress=progress)
     if reference.mean.shape[:2] != (scene.height, scene.width):
         raise HarnessError(f"the reference is {reference.mean.shape[1]} x {reference.mean.shape[0]} pixels, the scene "
                            f"{scene.width} x {scene.height}; render both at the same size")
+    if not np.isfinite(reference.mean).all():
+        raise HarnessError("the reference holds pixels that are not finite; render it again")
     results = []
     for name in names:
         results.append(_study_strategy(scene, name, reference, plan, store, progress))
@@ -113,16 +117,18 @@ class _Run:
         self.costs: list[tuple[int, float]] = []  # samples per pixel of each batch, CPU seconds for one of them
 
     def add_replica(self, store: Store | None, advance: Advance) -> None:
-        run = []
         prefix = Accumulator()
-        curve = []
-        for batch in batches(self.renderer, self.spp, replica=len(self.curves), store=store, advance=advance):
-            run.append(batch)
-            prefix.add(batch)
-            self.costs.append((batch.samples, batch.cpu_seconds / batch.samples))
-            if prefix.samples in self.prefixes:
-                curve.append(_curve_point(prefix.mean, self.reference, self.scene))
-        for batch in equal_batches(run, self.spp):
+        curve: list[tuple[float, float, float]] = []
+
+        def measured() -> Iterator[Batch]:  # batches pass through, so that no run is ever held whole
+            for batch in batches(self.renderer, self.spp, replica=len(self.curves), store=store, advance=advance):
+                prefix.add(batch)
+                self.costs.append((batch.samples, batch.cpu_seconds / batch.samples))
+                if prefix.samples in self.prefixes:
+                    curve.append(_curve_point(prefix.mean, self.reference, self.scene))
+                yield batch
+
+        for batch in equal_batches(measured(), self.spp):
             self.total.add(batch)
         self.curves.append(curve)
 
@@ -187,7 +193,8 @@ def prefix_sizes(spp: int) -> list[int]:
 def _curve_point(mean: np.ndarray, reference: Estimate, scene: Scene) -> tuple[float, float, float]:
     target = luminance(reference.mean).mean()
     error = luminance(mean).mean() - target
-    return (metrics.rmse(mean, reference.mean, noise=reference.variance),
+    noise = None if np.isnan(reference.variance).any() else reference.variance  # unknown in files of other renderers
+    return (metrics.rmse(mean, reference.mean, noise=noise),
             float(error / target) if target > 0 else float(error),
             metrics.ssim(mean, reference.mean, scene.exposure))
 

@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
+from harness.cli.options import BENCH_FILE
 from harness.cli.output import JsonOption, print_json, print_rich, progress
 
 
 def bench(
     rounds: Annotated[int, typer.Option(min=2, max=1000, help="Measurements of each pair.")] = 7,
     output: Annotated[Path, typer.Option("--output", "-o", help="JSON file to keep the result in, for the report.")]
-    = Path("reports/out/bench.json"),
+    = Path("reports/out") / BENCH_FILE,
     json: JsonOption = False,
 ) -> int:
     """Measure the tracer's speed against Mitsuba's, interleaved, by CPU time.

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harness.cli.options import ConfidenceOption, ToleranceOption
-from harness.cli.output import JsonOption, print_json, print_rich
+from harness.cli.options import (
+    MAX_EXPOSURE,
+    SCENE_HASH,
+    ConfidenceOption,
+    ToleranceOption,
+    warn_of_other_scene,
+)
+from harness.cli.output import JsonOption, log, print_json, print_rich
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -23,35 +30,50 @@ def compare(
     reference: Annotated[Path, typer.Argument(help="What it should be (.exr).", show_default=False)],
     tolerance: ToleranceOption = 0.002,
     confidence: ConfidenceOption = 0.95,
-    exposure: Annotated[float | None, typer.Option(help="Stops, for the display metrics; otherwise the reference "
-                                                        "file's own, or 0.")] = None,
+    exposure: Annotated[float | None, typer.Option(min=-MAX_EXPOSURE, max=MAX_EXPOSURE, help="Stops, for the display "
+                                                   "metrics; otherwise the reference file's own, or 0.")] = None,
     json: JsonOption = False,
 ) -> int:
     """Compare an image with its reference: every metric, and whether the means agree within the tolerance.
 
     Exit status 0 when the verdict is pass, 1 when it is fail or inconclusive. Files of other renderers carry no
-    variance: for them there are metrics but no verdict, and the status is 0.
+    variance: for them there are metrics but no verdict, and the status is 0 unless a tested pixel is not finite.
 
     Example: `harness compare spheres.exr truth.exr --tolerance 0.002`
     """
+    import numpy as np
+
     from harness import runs
     from harness.exr import read_estimate
 
-    images = [read_estimate(path) for path in (test, reference)]
-    (ours, _), (truth, facts) = images
+    images = {path: read_estimate(path) for path in (test, reference)}
+    (ours, our_facts), (truth, facts) = images[test], images[reference]
     if ours.mean.shape != truth.mean.shape:
         raise HarnessError(f"{test} is {_size(ours)}, {reference} is {_size(truth)}; render both at the same size")
-    if exposure is None:
-        exposure = float(facts.get("exposure", 0.0))
-    values = _metrics(ours, truth, exposure)
-    known = bool((ours.image_variance == ours.image_variance).all() and
-                 (truth.image_variance == truth.image_variance).all())
-    verdict = runs.judge(ours, truth, tolerance=tolerance, confidence=confidence) if known else None
+    warn_of_other_scene(our_facts.get(SCENE_HASH), facts, reference)
+    for path, (image, _) in images.items():
+        if broken := int((~np.isfinite(image.mean).all(axis=-1)).sum()):
+            log(f"warning: {path}: {broken} pixels are not finite, so metrics that see them are not either")
+    exposure = _own_exposure(facts) if exposure is None else exposure
+    # A file of ours without variance has too few samples, of which the verdict speaks.
+    silent = [path for path, (image, its) in images.items()
+              if SCENE_HASH not in its and np.isnan(image.image_variance).any()]
+    with np.errstate(invalid="ignore"):  # of pixels just warned of
+        values = _metrics(ours, truth, exposure)
+        verdict = None
+        if not silent or not np.isfinite(ours.mean).all():
+            verdict = runs.judge(ours, truth, tolerance=tolerance, confidence=confidence)
     if json:
         print_json({"test": test, "reference": reference, "exposure": exposure, **values, "verdict": verdict})
     else:
-        _print(values, verdict, tolerance, confidence)
+        _print(values, verdict, silent, tolerance, confidence)
     return 0 if verdict is None or verdict.outcome == "pass" else 1
+
+
+def _own_exposure(facts: Mapping[str, object]) -> float:
+    """The exposure that a file of ours carries; other renderers may mean something else by the name."""
+    exposure = facts.get("exposure")
+    return float(exposure) if SCENE_HASH in facts and isinstance(exposure, int | float) else 0.0
 
 
 def _metrics(ours: Estimate, truth: Estimate, exposure: float) -> dict[str, Any]:
@@ -67,7 +89,8 @@ def _metrics(ours: Estimate, truth: Estimate, exposure: float) -> dict[str, Any]
     }
 
 
-def _print(values: dict[str, Any], verdict: MeanErrorVerdict | None, tolerance: float, confidence: float) -> None:
+def _print(values: dict[str, Any], verdict: MeanErrorVerdict | None, silent: list[Path], tolerance: float,
+           confidence: float) -> None:
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, show_header=False)
@@ -86,7 +109,8 @@ def _print(values: dict[str, Any], verdict: MeanErrorVerdict | None, tolerance: 
                           f"{confidence:.0%} interval {low:+.4%} to {high:+.4%}, tolerance ±{tolerance:.2%}")
     print_rich(table)
     print(f"verdict: {verdict.outcome}: {verdict.reason}" if verdict is not None else
-          "no verdict: at least one file carries no variance; `harness render` and `harness reference` write it")
+          f"no verdict: {' and '.join(map(str, silent))} without variance; `harness render` and `harness reference` "
+          "write it")
 
 
 def _size(estimate: Estimate) -> str:

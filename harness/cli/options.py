@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,9 +16,20 @@ if TYPE_CHECKING:
     from harness.scene import Scene
     from harness.store import Store
 
+# The metadata in which `harness render` and `harness reference` note the scene's content hash.
+SCENE_HASH = "harness.scene"
+# What `harness bench` leaves in the report's folder, and `harness report` takes up there.
+BENCH_FILE = "bench.json"
+# Largest --spp: the reference's seeds tell this many samples of a replica apart (reference.renderer.START_BITS).
+MAX_SPP = 1 << 22
+# Stops by which an image may be brightened or darkened for display, as in a scene file (scene.loader.MAX_EXPOSURE).
+MAX_EXPOSURE = 64.0
+# What a study holds of each pixel at its peak: sums, batches and textures; measured 480, and 12 for each later batch.
+BYTES_PER_PIXEL = 600
+
 SceneArgument = Annotated[Path, typer.Argument(help="A Mitsuba 3 scene file (.xml).", show_default=False)]
 SizeOption = Annotated[str | None, typer.Option("--size", metavar="WxH", help="Image size instead of the film's.")]
-SppOption = Annotated[int, typer.Option("--spp", min=1, help="Samples per pixel.")]
+SppOption = Annotated[int, typer.Option("--spp", min=1, max=MAX_SPP, help="Samples per pixel.")]
 CacheOption = Annotated[bool, typer.Option("--cache/--no-cache", help="Keep batches on disk, and use those kept.")]
 ToleranceOption = Annotated[float, typer.Option("--tolerance", min=1e-9, max=1.0,
                                                 help="Bias, relative to the mean, that still counts as equivalent.")]
@@ -26,31 +38,62 @@ ConfidenceOption = Annotated[float, typer.Option("--confidence", min=0.5, max=0.
 
 
 def open_scene(path: Path, size: str | None = None) -> Scene:
-    """Load the scene, with the size given on the command line, and say what was replaced in it."""
+    """Load the scene, with the size given on the command line, and say what was replaced in it.
+
+    HarnessError, besides what the scene's file gives reason for, when this machine's memory cannot hold its image.
+    """
     from harness.scene import load_scene
 
     width, height = parse_size(size)
     scene = load_scene(path, width=width, height=height)
+    _require_memory(scene)
     for note in scene.notes:
         log(f"{path}: note: {note}")
     return scene
 
 
 def parse_size(size: str | None) -> tuple[int | None, int | None]:
-    """'640x480' as (640, 480); HarnessError for anything else."""
+    """'640x480' as (640, 480); HarnessError for anything else. How large is too large is left to the loader."""
     if size is None:
         return None, None
-    found = re.fullmatch(r"(\d+)[xX×](\d+)", size)
+    found = re.fullmatch(r"([0-9]{1,9})[xX×]([0-9]{1,9})", size)
     if not found or not (int(found[1]) and int(found[2])):
         raise HarnessError(f"--size: expected WIDTHxHEIGHT with both at least 1, such as 640x480; found '{size}'")
     return int(found[1]), int(found[2])
 
 
 def open_store(cache: bool) -> Store | None:
-    """The batch store in the cache folder, or None where the user wants none."""
+    """The batch store in the cache folder, or None where the user wants none.
+
+    HarnessError where the cache folder is not there and cannot be made.
+    """
     if not cache:
         return None
     from harness.files import cache_dir
     from harness.store import Store
 
-    return Store(cache_dir() / "batches")
+    root = cache_dir() / "batches"
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise HarnessError(f"{root}: the cache folder cannot be made ({error.strerror}); set HARNESS_CACHE to a folder "
+                           "that can, or give --no-cache where there is that option") from None
+    return Store(root)
+
+
+def warn_of_other_scene(scene_hash: object, facts: Mapping[str, object], path: Path) -> None:
+    """Say so when an image file, by the hash in its metadata, shows another scene than the one with `scene_hash`."""
+    other = facts.get(SCENE_HASH)
+    if scene_hash is not None and other is not None and other != scene_hash:
+        log(f"warning: {path}: rendered from another scene, or another size or version of it (scene hash {other}, not "
+            f"{scene_hash})")
+
+
+def _require_memory(scene: Scene) -> None:
+    from harness.doctor import memory_limit
+
+    needed, limit = scene.width * scene.height * BYTES_PER_PIXEL, memory_limit()
+    if needed > limit:
+        raise HarnessError(f"{scene.path}: an image of {scene.width} x {scene.height} pixels takes about "
+                           f"{needed / 2**30:.1f} GiB of memory, this machine has {limit / 2**30:.1f}; "
+                           "choose a smaller --size")

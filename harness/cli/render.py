@@ -39,9 +39,9 @@ def render(
     """
     from harness.tracer.renderer import TracerRenderer, check_strategy
 
-    target = _target(output, scene.stem)
     loaded = open_scene(scene, size)
     judged = check_strategy(loaded, strategy)
+    target = _target(output, scene.stem)
     if not judged.suits:
         log(f"{scene}: warning: strategy '{strategy}': {judged.warning}")
     renderer = TracerRenderer(loaded, strategy)
@@ -63,8 +63,8 @@ def reference(
     """
     from harness.reference.renderer import ReferenceRenderer
 
-    target = _target(output, f"{scene.stem}-reference")
     loaded = open_scene(scene, size)
+    target = _target(output, f"{scene.stem}-reference")
     _render(ReferenceRenderer(loaded), loaded, target, spp, replica, cache, json, {"strategy": "mitsuba path"})
 
 

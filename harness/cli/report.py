@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json as json_module
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from harness.cli.options import open_store
+from harness.cli.options import BENCH_FILE, open_scene, open_store
 from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError, StoreError
 
 if TYPE_CHECKING:
     from harness.results import StudyResult
+    from harness.scene import Scene
     from harness.studies import Profile
 
 # What a study's numbers depend on besides its scene and settings: the code that makes them.
@@ -42,14 +45,14 @@ def report(
     from harness.studies import PROFILES
 
     began = time.perf_counter()
-    chosen = scenes or sorted(data_dir("mitsuba_scenes").glob("*.xml"))
+    loaded = _open_all(scenes or sorted(data_dir("mitsuba_scenes").glob("*.xml")))
     require_writable(output / "report.pdf")
     results = []
-    with progress(len(chosen), f"report ({profile})") as advance:
-        for path in chosen:
-            results.append(_studied(path, PROFILES[profile]))
+    with progress(len(loaded), f"report ({profile})") as advance:
+        for scene in loaded:
+            results.append(_studied(scene, PROFILES[profile]))
             advance(1)
-    pdf = build_report(results, output, profile=profile)
+    pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE))
     verdicts = {f"{result.scene} {item.strategy}": item.verdict.outcome
                 for result in results for item in result.strategies if item.suits}
     lost = [name for name, outcome in verdicts.items() if outcome != "pass"]
@@ -63,26 +66,54 @@ def report(
     return 1 if lost else 0
 
 
-def _studied(path: Path, profile: Profile) -> StudyResult:
+def _open_all(paths: Sequence[Path]) -> list[Scene]:
+    """Every scene of the report: what is wrong with the last one must show before the first one is rendered."""
+    from harness.metrics import require_ssim_size
+
+    named: dict[str, Path] = {}
+    loaded = []
+    for path in paths:
+        scene = open_scene(path)
+        require_ssim_size(scene.height, scene.width)
+        if scene.name in named:
+            raise HarnessError(f"{path}: a scene called '{scene.name}' is in the report already ({named[scene.name]}); "
+                               "give each scene file its own name")
+        named[scene.name] = path
+        loaded.append(scene)
+    return loaded
+
+
+def _benchmark(path: Path) -> dict[str, Any] | None:
+    """What `harness bench` left beside the report; None where there is nothing, or nothing readable."""
+    from harness import bench
+
+    if not path.exists():
+        return None
+    try:
+        return {"rows": [dataclasses.asdict(row) for row in bench.load(path)]}
+    except StoreError as error:
+        log(f"warning: {error}; the report goes without it")
+        return None
+
+
+def _studied(scene: Scene, profile: Profile) -> StudyResult:
     """The study of one scene, read back where scene, settings and code are the same as when it was made."""
-    from harness.cli.options import open_scene
     from harness.files import cache_dir
-    from harness.report.storage import load_study, save_study
+    from harness.report.storage import STUDY_FILE, load_study, save_study
     from harness.runs import versions
     from harness.scene import describe
     from harness.studies import study
 
-    scene = open_scene(path)
     key = {"scene": scene.content_hash, "name": scene.name, "exposure": scene.exposure, "notes": scene.notes,
-           "description": describe(path), "spp": profile.spp, "replicas": profile.replicas,
+           "description": describe(scene.path) if scene.path else "", "spp": profile.spp, "replicas": profile.replicas,
            "reference_spp": profile.reference_spp, "code": _code_hash(), **versions()}
     digest = hashlib.sha256(json_module.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
     folder = cache_dir() / "studies" / digest
-    if (folder / "study.json").exists():
+    if (folder / STUDY_FILE).exists():
         try:
             return load_study(folder)
         except StoreError as error:
-            log(f"warning: {error}; made again")
+            log(f"warning: {error.args[0].partition(';')[0]}; the study is made again")
     result = study(scene, spp=profile.spp, replicas=profile.replicas, reference_spp=profile.reference_spp,
                    store=open_store(True), progress=progress)
     save_study(result, folder)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from harness.cli.options import (
+    MAX_SPP,
     CacheOption,
     ConfidenceOption,
     SceneArgument,
@@ -15,24 +16,29 @@ from harness.cli.options import (
     ToleranceOption,
     open_scene,
     open_store,
+    warn_of_other_scene,
 )
 from harness.cli.output import JsonOption, log, print_json, print_rich, progress
+from harness.errors import HarnessError
 
 if TYPE_CHECKING:
+    from harness.estimate import Estimate
     from harness.results import StrategyResult, StudyResult
+    from harness.scene import Scene
 
 
 def study(
     scene: SceneArgument,
     strategies: Annotated[str | None, typer.Option("--strategies", "-s", metavar="A,B,...",
                           help="Comma-separated; all that suit the scene if not given.")] = None,
-    spp: Annotated[int, typer.Option("--spp", min=4, help="Samples per pixel of each replica.")] = 1024,
+    spp: Annotated[int, typer.Option("--spp", min=4, max=MAX_SPP // 4, help="Samples per pixel of each replica.")]
+    = 1024,
     replicas: Annotated[int, typer.Option("--replicas", min=2, max=1000, help="Independent runs of each.")] = 8,
-    reference_spp: Annotated[int | None, typer.Option("--reference-spp", min=2,
+    reference_spp: Annotated[int | None, typer.Option("--reference-spp", min=2, max=MAX_SPP,
                              help="Samples per pixel of Mitsuba's image; 4 x spp if not given.")] = None,
     reference: Annotated[Path | None, typer.Option("--reference", help="A ready reference (.exr) instead.")] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to keep the result in: study.json, "
-                                                "curves.csv and images.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to keep the result in: study.json "
+                                                "and images.")] = None,
     size: SizeOption = None,
     tolerance: ToleranceOption = 0.002,
     confidence: ConfidenceOption = 0.95,
@@ -46,26 +52,49 @@ def study(
     Example: `harness study mitsuba_scenes/spheres.xml --strategies uniform,cosine,mixture --spp 4096 --replicas 8`
     """
     from harness import studies
-    from harness.exr import read_estimate
 
+    names = _names(strategies)
+    if reference and reference_spp:
+        raise HarnessError("--reference-spp is for an image yet to be rendered; leave it out, or --reference")
     loaded = open_scene(scene, size)
-    names = [name.strip() for name in strategies.split(",")] if strategies is not None else None
+    ready = _open_reference(reference, loaded) if reference else None
+    if output:
+        from harness.files import require_writable
+        from harness.report.storage import STUDY_FILE, save_study  # brings matplotlib
+
+        require_writable(output / STUDY_FILE)
     result = studies.study(
-        loaded, names, spp=spp, replicas=replicas, reference_spp=reference_spp,
-        reference=read_estimate(reference)[0] if reference else None, tolerance=tolerance, confidence=confidence,
-        store=open_store(cache), progress=progress)
+        loaded, names, spp=spp, replicas=replicas, reference_spp=reference_spp, reference=ready, tolerance=tolerance,
+        confidence=confidence, store=open_store(cache), progress=progress)
     for item in result.strategies:
         if not item.suits:
             log(f"warning: strategy '{item.strategy}': {item.warning}")
     if output:
-        from harness.report.storage import save_study
-
         save_study(result, output)
     if json:
         print_json(_as_json(result))
     else:
         _print(result)
     return 0 if all(item.verdict.outcome == "pass" for item in result.strategies if item.suits) else 1
+
+
+def _names(strategies: str | None) -> list[str] | None:
+    """'uniform,mixture' as a list; None, which means all that suit, stays None."""
+    if strategies is None:
+        return None
+    names = [name.strip() for name in strategies.split(",")]
+    if not all(names):
+        raise HarnessError(f"--strategies: expected names with commas between, such as uniform,mixture; found "
+                           f"'{strategies}'")
+    return names
+
+
+def _open_reference(path: Path, scene: Scene) -> Estimate:
+    from harness.exr import read_estimate
+
+    estimate, facts = read_estimate(path)
+    warn_of_other_scene(scene.content_hash, facts, path)
+    return estimate
 
 
 def _as_json(result: StudyResult) -> dict[str, Any]:

@@ -22,6 +22,8 @@ FILTERS = ("box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos")
 MAX_DEPTH_LIMIT = 1024
 # Largest film side: what every GL 4.3 implementation must offer as a texture (GL 4.3 core, table 23.53).
 MAX_FILM_SIDE = 16384
+# Stops by which an image may be brightened or darkened for display; beyond, every radiance is black or white.
+MAX_EXPOSURE = 64.0
 # Mitsuba's defaults where a file says nothing (hdrfilm, perspective).
 DEFAULT_FILM = (768, 576)
 DEFAULT_FOCAL_LENGTH = "50mm"
@@ -291,6 +293,9 @@ def _film(node: Node, notes: list[str]) -> tuple[tuple[int, int], float]:
         notes.append(f"reconstruction filter '{reconstruction}' replaced by box in both renderers")
     size = (node.integer("width", DEFAULT_FILM[0]), node.integer("height", DEFAULT_FILM[1]))
     exposure = node.number("exposure", 0.0)
+    if abs(exposure) > MAX_EXPOSURE:
+        raise node.error(f"'exposure' must lie between {-MAX_EXPOSURE:g} and {MAX_EXPOSURE:g} stops, "
+                         f"found {exposure:g}")
     # How Mitsuba would write its file; the harness always renders float32 RGB.
     node.ignore("pixel_format", "component_format", "file_format", "compensate", "banner")
     node.done(["width", "height", "exposure", "rfilter", "pixel_format", "component_format", "file_format"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -39,7 +40,8 @@ def parse(path: Path) -> Any:
     except OSError:  # a name that the file system cannot hold
         missing = True
     if missing:
-        raise SceneError(f"{path}: no such scene file; give the path of a Mitsuba 3 .xml scene")
+        found = "a folder, not a scene file" if os.path.isdir(path) else "no such scene file"
+        raise SceneError(f"{path}: {found}; give the path of a Mitsuba 3 .xml scene")
     config = mi.parser.ParserConfig("llvm_ad_rgb")
     try:
         state = mi.parser.parse_file(config, str(path))

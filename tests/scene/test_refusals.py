@@ -281,7 +281,8 @@ def test_malformed_files(tmp_path: Path, case: str) -> None:
 def test_files_that_are_none(tmp_path: Path, name: str) -> None:
     """Missing, a folder, or a name that no file can have."""
     message = refusal(tmp_path / name)
-    assert re.fullmatch(r".*: no such scene file; give the path of a Mitsuba 3 \.xml scene", message)
+    found = "a folder, not a scene file" if name == "." else "no such scene file"
+    assert re.fullmatch(rf".*: {found}; give the path of a Mitsuba 3 \.xml scene", message)
     with pytest.raises(SceneError):
         describe(tmp_path / name)
 
