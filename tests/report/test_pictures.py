@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from harness.report import pictures
+from harness.report.sections import best_strategy, scene_section
+from harness.results import StudyResult
 
 
 def pixels(png: bytes) -> np.ndarray:
@@ -60,3 +63,23 @@ def test_a_render_is_encoded_at_its_exposure() -> None:
     """Radiance 0.5 at +1 stop is white; 0.214 at 0 stops is the middle of the sRGB scale."""
     assert (pixels(pictures.display_png(np.full((4, 4, 3), 0.5), 1.0)) == 255).all()
     assert abs(pixels(pictures.display_png(np.full((4, 4, 3), 0.214), 0.0)) - 127.5).max() < 1
+
+
+def test_the_least_noisy_suitable_strategy_is_pictured(study: StudyResult) -> None:
+    """phong has no noise at all here, but it does not suit; with nothing that suits, it is shown after all."""
+    silent = tuple(replace(s, rmse=s.rmse * 0) if s.strategy == "phong" else s for s in study.strategies)
+    section, assets = scene_section(replace(study, strategies=silent), "x")
+    assert [picture.title for picture in section.images.rows[0].pictures] == [
+        "GLSL, mixture", "Mitsuba", "Relative difference", "FLIP"]
+    mixture = study.strategies[-1].estimate.mean
+    assert assets["x-glsl.png"] == pictures.display_png(mixture, study.exposure)
+    assert assets["x-reference.png"] == pictures.display_png(study.reference.mean, study.exposure)
+    assert best_strategy(replace(study, strategies=(study.strategies[2],))).strategy == "phong"
+
+
+def test_the_maps_of_all_strategies_share_scales_that_the_unsuitable_do_not_stretch(study: StudyResult) -> None:
+    with_phong, _ = scene_section(study, "x")
+    without, _ = scene_section(replace(study, strategies=tuple(s for s in study.strategies if s.suits)), "x")
+    assert with_phong.differences is not None and without.differences is not None
+    assert [row.bar for row in with_phong.differences.rows] == [row.bar for row in without.differences.rows]
+    assert [len(row.pictures) for row in with_phong.differences.rows] == [5, 5]
