@@ -144,4 +144,6 @@ def load(path: Path) -> list[Row]:
 
 
 def _row(held: Mapping[str, Any]) -> Row:
-    return Row(**{field.name: (str if field.type == "str" else float)(held[field.name]) for field in fields(Row)})
+    values: dict[str, Any] = {field.name: (str if field.type == "str" else float)(held[field.name])
+                              for field in fields(Row)}
+    return Row(**values)

@@ -21,10 +21,10 @@ INTEGRATORS = ("path", "bsdf_path")
 
 # Mitsuba's film adds up one call in float32: at 256 samples a pixel that is off by about 1e-5, at 2^14 by 1.6e-4.
 MAX_SPP_PER_CALL = 256
-# Samples (pixels x spp) in one uninterruptible call: about three seconds on two cores, so that Ctrl-C and progress
-# bars stay alive. Memory sets no limit: a call is one fused kernel, and 2^25 samples left the process below 150 MB.
-# Mitsuba itself crashes from 2^32 samples on.
-MAX_SAMPLES_PER_CALL = 1 << 24
+# Samples (pixels x spp) in one uninterruptible call: about a second on two cores, so that Ctrl-C and progress bars
+# stay alive; a quarter of the samples a call costs no measurable time. Memory sets no limit: a call is one fused
+# kernel, and 2^25 samples left the process below 150 MB. Mitsuba itself crashes from 2^32 samples on.
+MAX_SAMPLES_PER_CALL = 1 << 22
 # Seeds have 32 bits: 10 for the replica, 22 for the first sample, so that no two calls of a scene share one.
 REPLICA_BITS, START_BITS = 10, 22
 # Never reached by a path of bounded depth, so Russian roulette stays off.

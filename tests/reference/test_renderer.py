@@ -114,9 +114,9 @@ def test_a_range_may_be_cut_at_any_call(mi: Any) -> None:
 
 
 def test_large_images_are_drawn_in_short_calls(mi: Any) -> None:
-    """A call stays within 2^24 samples, and within 256 a pixel."""
+    """A call stays within 2^22 samples, and within 256 a pixel."""
     assert ReferenceRenderer(scene("furnace_convex", 32)).samples_per_call == 256
-    assert ReferenceRenderer(scene("furnace_convex", 1024)).samples_per_call == 16
+    assert ReferenceRenderer(scene("furnace_convex", 1024)).samples_per_call == 4
     assert ReferenceRenderer(scene("furnace_convex", 8192)).samples_per_call == 1
 
 
