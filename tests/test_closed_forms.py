@@ -170,18 +170,31 @@ def test_sides(kind: str, change: Callable[[Shape], Shape], expected: tuple[floa
     np.testing.assert_allclose(pixels, np.broadcast_to(expected, pixels.shape), rtol=EXACT)
 
 
-def test_clip_planes_cut_camera_rays_only() -> None:
-    """A white wall in front of the near plane is not seen, nor one behind the far plane; yet it lights the others.
+def test_a_two_sided_shape_leaves_its_neighbours_one_sided() -> None:
+    """Two backs side by side, +x on the left: the two-sided one reflects, the other stays black."""
+    left = np.array(AT_5)
+    left[0, 3] = 10.0
+    right = left * np.array([[-1.0], [1.0], [1.0], [1.0]])  # mirrored about x = 0, which leaves a plane's front
+    two_sided = Shape("rectangle", tuple(map(tuple, left.tolist())), dataclasses.replace(GREY, two_sided=True))
+    one_sided = Shape("rectangle", tuple(map(tuple, right.tolist())), GREY)
+    scene = dataclasses.replace(WALL, shapes=(two_sided, one_sided))
+    pixels = estimate(scene, "cosine", 16, np.ones((4, 4), dtype=bool)).mean.reshape(4, 4, 3)
+    np.testing.assert_allclose(pixels[:, :2], np.broadcast_to(GREY.kd, (4, 2, 3)), rtol=EXACT)
+    np.testing.assert_array_equal(pixels[:, 2:], 0)
 
-    Between two white parallel walls far larger than their distance, light escapes only sideways: after one bounce
-    from the seen wall the path meets the unseen one, which at depth 2 contributes its emission.
+
+def test_clip_planes_cut_camera_rays_only() -> None:
+    """Two white walls face each other at distance 1, and the camera's planes lie close about the farther one.
+
+    The nearer wall, before the near plane, is not seen; but scattered rays reach it, although it is farther off than
+    the planes are apart, and it emits. With the farther wall beyond the far plane nothing is seen at all.
     """
     near_wall = Shape("rectangle", (AT_5[0], AT_5[1], (0.0, 0.0, 1.0, 4.0), AT_5[3]), WHITE, emission=(1.0, 1.0, 1.0))
     far_wall = Shape("rectangle", AT_5, WHITE, flip_normals=True)
-    camera = dataclasses.replace(WALL.camera, near_clip=4.5)
+    camera = dataclasses.replace(WALL.camera, near_clip=4.5, far_clip=5.2)
     scene = dataclasses.replace(WALL, shapes=(near_wall, far_wall), environment=NO_LIGHT, camera=camera, max_depth=2)
     everything = np.ones((4, 4), dtype=bool)
-    # Two squares of side 20 at distance 1: seen from the middle of one, the other covers all but 1 % of the cosine.
+    # Squares of side 20 at distance 1: seen from the middle of one, the other covers all but 1 % of the cosine.
     assert 0.97 < estimate(scene, "cosine", 64, everything).image_mean[0] < 1
-    too_near = dataclasses.replace(scene, camera=dataclasses.replace(camera, near_clip=1.0, far_clip=3.5))
+    too_near = dataclasses.replace(scene, camera=dataclasses.replace(camera, near_clip=4.5, far_clip=4.9))
     assert estimate(too_near, "cosine", 64, everything).image_mean[0] == 0

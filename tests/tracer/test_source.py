@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import moderngl
 import pytest
 
 from harness.errors import ShaderError
 from harness.scene import load_scene
+from harness.tracer import context as context_module
 from harness.tracer.codegen import scene_chunk
 from harness.tracer.context import Program
 from harness.tracer.source import ShaderSource, assemble
@@ -126,6 +129,21 @@ def test_logs_of_every_vendor_are_understood(root: Path, log: str, offset: int) 
     message = str(assemble("main.frag", root).explain(log, offset))
     assert message.startswith("lib/b.glsl:4: ") and "undeclared" in message
     assert message.endswith("; in the line `return a() + 1.0;`")
+
+
+@pytest.mark.parametrize("offset", [0, 1])
+def test_the_drivers_own_count_of_lines_is_asked_for(root: Path, monkeypatch: pytest.MonkeyPatch, offset: int) -> None:
+    """GLSL before 3.30, and drivers that kept to it, number the line after `#line n` n + 1: both are put right."""
+    class Driver:
+        """Refuses every shader at the line after its last `#line`."""
+
+        def program(self, vertex_shader: str, fragment_shader: str) -> None:
+            number = int(re.findall(r"^#line (\d+)", fragment_shader, re.MULTILINE)[-1])
+            raise moderngl.Error(f"0:{number + offset}(1): error: syntax error")
+
+    monkeypatch.setattr(context_module, "context", Driver)
+    # The last #line of the text follows the include of lib/b.glsl in line 3 of main.frag.
+    assert compile_error(assemble("main.frag", root)) == "main.frag:4: syntax error; in the line `out vec4 colour;`"
 
 
 def test_an_unknown_log_is_passed_on_in_one_line(root: Path) -> None:
