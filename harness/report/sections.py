@@ -77,13 +77,13 @@ def _facts(result: StudyResult) -> tuple[str, ...]:
 
 
 def _remarks(result: StudyResult) -> tuple[Remark, ...]:
-    """Notes of the loader, strategies that do not suit and why, exact ones, rejected samples."""
+    """Notes of the loader, strategies that do not suit and why, and those that are exact."""
     remarks = [Remark(formats.sentence(note)) for note in result.notes]
     for strategy in result.strategies:
         if not strategy.suits or strategy.warning:
-            head = strategy.strategy if strategy.suits else f"{strategy.strategy} does not suit this scene"
-            told = f"{head}: {formats.sentence(strategy.warning)}" if strategy.warning else f"{head}."
-            remarks.append(Remark(told, "warning"))
+            head = "" if strategy.suits else f"{strategy.strategy} does not suit this scene. "
+            told = f"{strategy.strategy}: {strategy.warning}" if strategy.suits else strategy.warning
+            remarks.append(Remark((head + (formats.sentence(told) if told else "")).strip(), "warning"))
         if is_exact(strategy):
             remarks.append(Remark(f"{strategy.strategy} is exact here: every sample gives the same answer, so there "
                                   "is no noise to fit a slope to.", "exact"))
