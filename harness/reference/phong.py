@@ -62,7 +62,7 @@ def plugin_class(mi: Any) -> type:
         def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
             _, _, alpha, share = self._parameters(ctx, si, active)
             choose_diffuse = sample1 < share
-            # Lafortune and Willems 1994, "Using the modified Phong reflectance model", eq. 9: cos = ξ^(1/(α+1)).
+            # Lafortune and Willems 1994, "Using the modified Phong reflectance model": cos = ξ^(1/(α+1)).
             cos_lobe = dr.power(sample2.y, dr.rcp(alpha + 1))
             sin_lobe = dr.safe_sqrt(1 - dr.square(cos_lobe))
             sin_phi, cos_phi = dr.sincos(dr.two_pi * sample2.x)
