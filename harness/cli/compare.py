@@ -53,7 +53,7 @@ def compare(
     warn_of_other_scene(our_facts.get(SCENE_HASH), facts, reference)
     for path, (image, _) in images.items():
         if broken := int((~np.isfinite(image.mean).all(axis=-1)).sum()):
-            log(f"warning: {path}: {broken} pixels are not finite, so metrics that see them are not either")
+            log(f"warning: {path}: pixels that are not finite: {broken}; metrics that see them are not either")
     exposure = _own_exposure(facts) if exposure is None else exposure
     # A file of ours without variance has too few samples, of which the verdict speaks.
     silent = [path for path, (image, its) in images.items()

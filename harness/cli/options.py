@@ -77,7 +77,7 @@ def open_store(cache: bool) -> Store | None:
         root.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise HarnessError(f"{root}: the cache folder cannot be made ({error.strerror}); set HARNESS_CACHE to a folder "
-                           "that can, or give --no-cache where there is that option") from None
+                           "that you may write, or render with --no-cache") from None
     return Store(root)
 
 

@@ -26,8 +26,8 @@ _running: Progress | None = None
 
 
 def print_json(value: Mapping[str, Any]) -> None:
-    """Print one JSON object on stdout; see `to_json` for the types it takes."""
-    print(json.dumps(to_json(value), indent=2, ensure_ascii=False, allow_nan=False))
+    """Print one JSON object on stdout, in ASCII whatever the locale; see `to_json` for the types it takes."""
+    print(json.dumps(to_json(value), indent=2, allow_nan=False))
 
 
 def to_json(value: Any) -> Any:

@@ -48,11 +48,14 @@ def report(
     loaded = _open_all(scenes or sorted(data_dir("mitsuba_scenes").glob("*.xml")))
     require_writable(output / "report.pdf")
     results = []
+    elapsed = {}
     with progress(len(loaded), f"report ({profile})") as advance:
         for scene in loaded:
+            scene_began = time.perf_counter()
             results.append(_studied(scene, PROFILES[profile]))
+            elapsed[scene.name] = time.perf_counter() - scene_began
             advance(1)
-    pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE))
+    pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE), elapsed=elapsed)
     verdicts = {f"{result.scene} {item.strategy}": item.verdict.outcome
                 for result in results for item in result.strategies if item.suits}
     lost = [name for name, outcome in verdicts.items() if outcome != "pass"]
@@ -102,7 +105,7 @@ def _studied(scene: Scene, profile: Profile) -> StudyResult:
     from harness.report.storage import STUDY_FILE, load_study, save_study
     from harness.runs import versions
     from harness.scene import describe
-    from harness.studies import study
+    from harness.studies import exhibited_strategies, study
 
     key = {"scene": scene.content_hash, "name": scene.name, "exposure": scene.exposure, "notes": scene.notes,
            "description": describe(scene.path) if scene.path else "", "spp": profile.spp, "replicas": profile.replicas,
@@ -114,7 +117,7 @@ def _studied(scene: Scene, profile: Profile) -> StudyResult:
             return load_study(folder)
         except StoreError as error:
             log(f"warning: {error.args[0].partition(';')[0]}; the study is made again")
-    result = study(scene, spp=profile.spp, replicas=profile.replicas, reference_spp=profile.reference_spp,
+    result = study(scene, exhibited_strategies(scene), spp=profile.spp, replicas=profile.replicas, reference_spp=profile.reference_spp,
                    store=open_store(True), progress=progress)
     save_study(result, folder)
     return result

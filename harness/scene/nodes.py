@@ -42,6 +42,10 @@ def parse(path: Path) -> Any:
     if missing:
         found = "a folder, not a scene file" if os.path.isdir(path) else "no such scene file"
         raise SceneError(f"{path}: {found}; give the path of a Mitsuba 3 .xml scene")
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:  # Mitsuba takes no other names
+        raise SceneError(f"{path}: the path must be UTF-8 text; rename the file or its folder") from None
     config = mi.parser.ParserConfig("llvm_ad_rgb")
     try:
         state = mi.parser.parse_file(config, str(path))
