@@ -28,6 +28,7 @@ from harness.scene import Scene, describe
 from harness.stats.bias import error_scale
 from harness.stats.convergence import fit_slope
 from harness.store import Store
+from harness.tracer.codegen import STRATEGIES
 from harness.tracer.renderer import TracerRenderer, check_strategy, suitable_strategies
 
 # A reference of this many times the samples of one replica adds little to what is compared with it.
@@ -164,6 +165,12 @@ def _study_strategy(scene: Scene, name: str, reference: Estimate, plan: _Plan, s
         return run.result(plan)
     finally:
         renderer.release()
+
+
+def exhibited_strategies(scene: Scene) -> tuple[str, ...]:
+    """The strategies that a report shows: all that suit, and lobe-only sampling, as a warning, wherever a lobe is."""
+    has_lobe = any(max(shape.material.ks) > 0 for shape in scene.shapes)
+    return tuple(name for name in STRATEGIES if check_strategy(scene, name).suits or has_lobe)
 
 
 def replicas_needed(pilot: Estimate, reference: Estimate, replicas: int, tolerance: float) -> int:

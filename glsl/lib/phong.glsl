@@ -56,7 +56,7 @@ vec3 sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
     float cos_l = dot(n, l);
     return eval_phong(m, dot(mirror, l)) * max(cos_l, 0.0) / INV_TWO_PI;
 
-#elif STRATEGY == STRATEGY_COSINE || !HAS_GLOSSY
+#elif STRATEGY == STRATEGY_COSINE || (!HAS_GLOSSY && STRATEGY != STRATEGY_PHONG)
     l = sample_cosine(n, vec2(rand(), rand()));
 #if HAS_GLOSSY
     return eval_phong(m, dot(mirror, l)) * PI;  // the cosine cancels against its pdf

@@ -117,8 +117,8 @@ def _studied(scene: Scene, profile: Profile) -> StudyResult:
             return load_study(folder)
         except StoreError as error:
             log(f"warning: {error.args[0].partition(';')[0]}; the study is made again")
-    result = study(scene, exhibited_strategies(scene), spp=profile.spp, replicas=profile.replicas, reference_spp=profile.reference_spp,
-                   store=open_store(True), progress=progress)
+    result = study(scene, exhibited_strategies(scene), spp=profile.spp, replicas=profile.replicas,
+                   reference_spp=profile.reference_spp, store=open_store(True), progress=progress)
     save_study(result, folder)
     return result
 
