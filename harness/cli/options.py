@@ -89,6 +89,12 @@ def warn_of_other_scene(scene_hash: object, facts: Mapping[str, object], path: P
             f"{scene_hash})")
 
 
+def not_finite(samples: int) -> str:
+    """What to say of samples that a renderer rejected."""
+    return (f"samples that were not finite and were left out: {samples}; look for a division by zero, "
+            "or a root or power of a negative number")
+
+
 def _require_memory(scene: Scene) -> None:
     from harness.doctor import memory_limit
 

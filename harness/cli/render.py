@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harness.cli.options import CacheOption, SceneArgument, SizeOption, SppOption, open_scene, open_store
+from harness.cli.options import CacheOption, SceneArgument, SizeOption, SppOption, not_finite, open_scene, open_store
 from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError
 
@@ -94,8 +94,7 @@ def _render(renderer: Renderer, scene: Scene, target: Path, spp: int, replica: i
     else:
         write_estimate(target, result, facts)
     if result.rejected:
-        log(f"warning: {result.rejected} samples were not finite and were left out: a division by zero somewhere, or a "
-            "root or power of a negative number")
+        log(f"warning: {target}: {not_finite(result.rejected)}")
     if json:
         print_json({"output": target, **facts, "size": [scene.width, scene.height], **_numbers(result)})
     else:

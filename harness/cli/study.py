@@ -14,6 +14,7 @@ from harness.cli.options import (
     SceneArgument,
     SizeOption,
     ToleranceOption,
+    not_finite,
     open_scene,
     open_store,
     warn_of_other_scene,
@@ -69,6 +70,8 @@ def study(
     for item in result.strategies:
         if not item.suits:
             log(f"warning: strategy '{item.strategy}': {item.warning}")
+        if item.estimate.rejected:
+            log(f"warning: strategy '{item.strategy}': {not_finite(item.estimate.rejected)}")
     if output:
         save_study(result, output)
     if json:
