@@ -87,7 +87,8 @@ def write_batch(path: str | Path, batch: Batch, metadata: Mapping[str, Any] | No
     """Write a batch, exactly; `metadata` as in `write_estimate`. StoreError when the file cannot be written."""
     facts = {"samples": batch.samples, "rejected": batch.rejected, "cpu_seconds": batch.cpu_seconds}
     channels = dict(zip(_COLOURS, np.moveaxis(batch.mean, -1, 0), strict=True))
-    _write(Path(path), channels, {**(metadata or {}), _BATCH: json.dumps(facts)})
+    # Noise hardly compresses (a tenth), and a study writes hundreds of batches.
+    _write(Path(path), channels, {**(metadata or {}), _BATCH: json.dumps(facts)}, OpenEXR.NO_COMPRESSION)
 
 
 def read_batch(path: str | Path) -> Batch:
@@ -101,11 +102,12 @@ def read_batch(path: str | Path) -> Batch:
                  facts["cpu_seconds"])
 
 
-def _write(path: Path, channels: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
+def _write(path: Path, channels: Mapping[str, np.ndarray], metadata: Mapping[str, Any],
+           compression: Any = OpenEXR.ZIP_COMPRESSION) -> None:
     header: dict[str, Any] = {name: _attribute(value) for name, value in metadata.items()}
     if not _STRUCTURE.isdisjoint(header):
         raise ValueError(f"metadata must not be called {', '.join(sorted(_STRUCTURE.intersection(header)))}")
-    header |= {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, "chromaticities": REC709,
+    header |= {"type": OpenEXR.scanlineimage, "compression": compression, "chromaticities": REC709,
                _SEAL: _BLANK.decode()}
     pixels = {name: np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()}
     buffer = io.BytesIO()

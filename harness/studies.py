@@ -53,7 +53,7 @@ class Profile:
 
 
 PROFILES = {
-    "quick": Profile(spp=1024, replicas=8, reference_spp=4096),
+    "quick": Profile(spp=512, replicas=8, reference_spp=2048),
     "full": Profile(spp=8192, replicas=12, reference_spp=65536),
 }
 

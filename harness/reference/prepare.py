@@ -31,6 +31,8 @@ def instantiate(scene: Scene) -> Any:
         if node.type == mi.ObjectType.Sensor:
             _equip(mi, node.props, scene)
     config = mi.parser.ParserConfig(REFERENCE_VARIANT)
+    # Merging meshes of one BSDF refuses those whose flip_normals differ, which the scene format allows.
+    config.merge_meshes = False
     try:
         mi.parser.transform_all(config, state)
         return mi.parser.instantiate(config, state)
