@@ -111,9 +111,9 @@ def _usage(error: Exception) -> str:
     message = " ".join(str(getattr(error, "format_message", error.__str__)()).split()).rstrip(".")
     message = message.replace("Value error, ", "")
     details = getattr(error.__cause__, "errors", None)  # pydantic's, which leave out what was found
-    found = details()[0]["input"] if details else None
-    if isinstance(found, str) and found not in message:
-        message += f", found '{found}'"
+    found = f"'{details()[0]['input']}'" if details else ""
+    if found not in message:
+        message += f", found {found}"
     context = getattr(error, "ctx", None)
     return f"{message}; see `{context.command_path if context else 'harness'} --help`"
 
