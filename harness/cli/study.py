@@ -96,7 +96,8 @@ def _open_reference(path: Path, scene: Scene) -> Estimate:
     from harness.exr import read_estimate
 
     estimate, facts = read_estimate(path)
-    warn_of_other_scene(scene.content_hash, facts, path)
+    if estimate.mean.shape[:2] == (scene.height, scene.width):  # else the study refuses it
+        warn_of_other_scene(scene.content_hash, facts, path)
     return estimate
 
 

@@ -1,0 +1,153 @@
+"""`harness report`: from scene files to a PDF, read back the second time, whatever happened to the cache meanwhile."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness import bench, studies
+from harness.results import StudyResult
+from tests.cli.conftest import SKY, Harness
+
+ROW = bench.Row("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.0, opponent_rate=2.0, ratio=6.0, low=5.5,
+                high=6.5, wall_ratio=6.1, efficiency_ratio=4.0)
+
+
+@pytest.fixture(autouse=True)
+def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(studies.PROFILES, "quick", studies.Profile(spp=4, replicas=2, reference_spp=8))
+
+
+@dataclass
+class Built:
+    """What a report was to be set from."""
+
+    results: Sequence[StudyResult]
+    bench: Mapping[str, Any] | None
+
+
+@pytest.fixture
+def unset(monkeypatch: pytest.MonkeyPatch) -> list[Built]:
+    """Reports are not set, which takes seconds, but noted here."""
+    built: list[Built] = []
+
+    def note(results: Sequence[StudyResult], output: Path, *, bench: Mapping[str, Any] | None, **rest: object) -> Path:
+        built.append(Built(results, bench))
+        return output / "report.pdf"
+
+    monkeypatch.setattr("harness.report.build_report", note)
+    return built
+
+
+def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
+    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench.save([ROW], Path("out/bench.json"))
+    first = harness("report", sky, "-o", "out")
+
+    def refuse(*arguments: object, **options: object) -> None:
+        raise AssertionError("a renderer was made")
+
+    for name in ("harness.studies.TracerRenderer", "harness.runs.ReferenceRenderer"):
+        monkeypatch.setattr(name, refuse)
+    second = harness("report", sky, "-o", "elsewhere")
+    for done, folder in ((first, "out"), (second, "elsewhere")):
+        assert (done.status, done.err) == (0, "")
+        lines = done.out.splitlines()
+        assert lines[0].startswith("5 of 5 verdicts pass; ")
+        assert lines[-1] == f"{folder}/report.pdf"
+        assert Path(folder, "report.pdf").read_bytes().startswith(b"%PDF-")
+        assert "Nothing but sky." in Path(folder, "report.html").read_text(encoding="utf-8")
+    speed = [json.loads(Path(folder, "report.json").read_text("utf-8"))["speed"] for folder in ("out", "elsewhere")]
+    assert speed[0]["rows"][0][0]["text"] == "diffuse", "the benchmark beside the report is taken up"
+    assert speed[1] is None
+
+
+def test_json_names_every_verdict(harness: Harness, sky: Path, unset: list[Built]) -> None:
+    done = harness("report", sky, "-o", "out", "--json")
+    assert done.json["pdf"] == "out/report.pdf"
+    assert done.json["verdicts"] == {
+        f"sky {name}": "pass" for name in ("uniform", "cosine", "phong", "lobes", "mixture")}
+
+
+class TestCache:
+    """What was studied is read back, and what was lost of it is made again."""
+
+    @pytest.fixture
+    def kept(self, harness: Harness, sky: Path, tmp_path: Path, unset: list[Built]) -> Path:
+        """The folder of a study in the cache."""
+        harness("report", sky, "-o", "out")
+        folder, = (tmp_path / "cache" / "studies").iterdir()
+        return folder
+
+    def test_another_exposure_is_another_study_of_the_same_samples(
+        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, kept: Path, unset: list[Built],
+    ) -> None:
+        def refuse(*arguments: object) -> None:
+            raise AssertionError("rendered again")
+
+        for name in ("tracer.renderer.TracerRenderer", "reference.renderer.ReferenceRenderer"):
+            monkeypatch.setattr(f"harness.{name}.render_batch", refuse)
+        sky.write_text(SKY.replace('value="-1"', 'value="1"'))
+        harness("report", sky, "-o", "out")
+        assert [built.results[0].exposure for built in unset] == [-1, 1]
+
+    @pytest.mark.parametrize("damage", ["", '{"format": 1}'])
+    def test_a_damaged_study_is_made_again(self, harness: Harness, sky: Path, kept: Path, damage: str) -> None:
+        file = kept / "study.json"
+        whole = json.loads(file.read_text(encoding="utf-8"))
+        file.write_text(damage, encoding="utf-8")
+        done = harness("report", sky, "-o", "out")
+        assert done.status == 0
+        assert done.err.startswith(f"warning: {file}: ")
+        assert done.err.endswith("; the study is made again\n")
+        assert done.err.count("\n") == 1
+        assert json.loads(file.read_text(encoding="utf-8")) == whole
+        assert harness("report", sky, "-o", "out").err == ""
+
+    def test_a_missing_image_is_made_again(self, harness: Harness, sky: Path, kept: Path) -> None:
+        image, = kept.glob("reference.*.exr")
+        image.unlink()
+        done = harness("report", sky, "-o", "out")
+        assert done.status == 0
+        assert done.err == f"warning: {image}: no such file; the study is made again\n"
+        assert image.exists()
+
+
+def test_a_verdict_that_is_not_pass_is_named_and_makes_the_status_1(
+    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Built],
+) -> None:
+    def biased(*arguments: object, **options: object) -> StudyResult:
+        result = honest(*arguments, **options)  # type: ignore[arg-type]
+        items = [dataclasses.replace(item, verdict=dataclasses.replace(item.verdict, outcome=outcome), suits=suits)
+                 for item, outcome, suits in zip(
+                     result.strategies, ("fail", "inconclusive", "fail", "pass", "pass"),
+                     (True, True, False, True, True), strict=True)]
+        return dataclasses.replace(result, strategies=tuple(items))
+
+    honest = studies.study
+    monkeypatch.setattr(studies, "study", biased)
+    done = harness("report", sky, "-o", "out")
+    assert done.status == 1
+    assert done.err == "warning: sky uniform: fail\nwarning: sky cosine: inconclusive\n"
+    assert done.out.splitlines()[0].startswith("2 of 4 verdicts pass; ")
+    assert done.out.splitlines()[-1] == "out/report.pdf"
+
+
+@pytest.mark.parametrize("content", ["", '{"rows": [{"scene": "x"}]}'])
+def test_a_damaged_benchmark_is_left_out_with_a_warning(
+    harness: Harness, sky: Path, unset: list[Built], content: str,
+) -> None:
+    Path("out").mkdir()
+    Path("out/bench.json").write_text(content)
+    done = harness("report", sky, "-o", "out")
+    assert done.status == 0
+    assert done.err.startswith("warning: out/bench.json: not a benchmark result (")
+    assert done.err.endswith("; the report goes without it\n")
+    assert unset[0].bench is None
