@@ -1,0 +1,174 @@
+"""What only a process of its own shows: Ctrl-C at any moment, and streams that are closed, full or plain ASCII."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from harness import cli
+from harness.cli import main
+from harness.estimate import Estimate
+from harness.exr import write_estimate
+from harness.files import PARTIAL_PREFIX, data_dir
+from harness.store import schedule
+from harness.tracer.renderer import TracerRenderer
+from tests.cli.conftest import Harness
+
+SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
+SMALL = ("--size", "64x48")
+FOREVER = ("--spp", "1000000")  # minutes at the least
+PATIENCE = 120  # seconds after which a command that hangs is given up
+
+# A command that needs no heavy import, run as the console script would.
+FAKE = """
+import sys, types
+from harness import cli
+sys.modules["harness.cli.fake"] = types.SimpleNamespace(fake=lambda: print("\\u00b1" * 3))
+cli.COMMANDS = {"fake": "fake"}
+sys.argv = ["harness", "fake"]
+cli.console_script()
+"""
+
+
+def interrupt(arguments: Sequence[object], cache: Path, until: str) -> subprocess.CompletedProcess[str]:
+    """Send Ctrl-C to `harness ARGUMENTS` once a batch called `until` is in the cache."""
+    command = [sys.executable, "-m", "harness", *map(str, arguments)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            deadline = time.monotonic() + PATIENCE
+            while not list(cache.rglob(until)):
+                assert process.poll() is None, f"ended by itself: {process.communicate()}"
+                assert time.monotonic() < deadline, f"no batch {until}"
+                time.sleep(0.02)
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
+def stored(cache: Path) -> list[tuple[int, int, int]]:
+    """(replica, start, count) of each batch in the cache."""
+    names = [path.stem.split("-") for path in cache.rglob("batches/*/*/*.exr") if path.name[0] != "."]
+    return sorted((int(replica), int(start), int(count)) for replica, start, count in names)
+
+
+class TestInterruption:
+    """One line, status 130, nothing half-written, and the next run continues."""
+
+    @pytest.mark.parametrize(("arguments", "until"), [
+        pytest.param(("render", SPHERES, *SMALL, *FOREVER, "-o", "x.exr"), "0-64-64.exr", id="render"),
+        pytest.param(("reference", SPHERES, "--size", "512x384", *FOREVER, "-o", "x.exr"), "0-8-8.exr",
+                     id="inside Mitsuba"),
+        pytest.param(("report", SPHERES, "--profile", "full", "-o", "."), "0-16-16.exr", id="report"),
+    ])
+    def test_leaves_nothing_but_whole_batches(
+        self, here: Path, tmp_path: Path, arguments: Sequence[object], until: str,
+    ) -> None:
+        done = interrupt(arguments, tmp_path / "cache", until)
+        assert (done.returncode, done.stdout, done.stderr) == (130, "", "harness: interrupted\n")
+        assert list(here.iterdir()) == []
+        assert not list((tmp_path / "cache").rglob(f"{PARTIAL_PREFIX}*"))
+        batches = stored(tmp_path / "cache")
+        assert batches == [(0, start, count) for start, count in schedule(batches[-1][1] + batches[-1][2])]
+
+    def test_of_a_study_is_continued_where_it_was(
+        self, harness: Harness, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        write_estimate("truth.exr", Estimate.exact(np.full((48, 64, 3), 0.4)))
+        study = ("study", SPHERES, *SMALL, "--spp", "64", "--replicas", "1000", "-s", "cosine",
+                 "--reference", "truth.exr")
+        done = interrupt((*study, "-o", "kept"), tmp_path / "cache", "2-0-1.exr")
+        assert (done.returncode, done.stdout, done.stderr) == (130, "", "harness: interrupted\n")
+        assert list(Path("kept").iterdir()) == []
+
+        asked: list[tuple[int, int, int]] = []
+
+        def interrupted(renderer: TracerRenderer, *batch: int) -> None:
+            asked.append(batch)  # type: ignore[arg-type]
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(TracerRenderer, "render_batch", interrupted)
+        batches = stored(tmp_path / "cache")
+        again = harness(*study)
+        assert (again.status, again.out, again.err) == (130, "", "harness: interrupted\n")
+        replica, start, count = batches[-1]
+        expected = (replica, start + count) if start + count < 64 else (replica + 1, 0)
+        assert [batch[:2] for batch in asked] == [expected]
+
+    @pytest.mark.parametrize("package", ["typer", "numpy"])
+    def test_while_packages_are_imported_is_one_line_too(self, sky: Path, package: str) -> None:
+        program = f"""
+import signal, sys
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "{package}":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Interrupting())
+from harness.cli import console_script
+sys.argv = ["harness", "render", {str(sky)!r}]
+console_script()
+"""
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+        assert (done.returncode, done.stdout, done.stderr) == (130, "", "harness: interrupted\n")
+
+    def test_that_a_package_turns_into_another_error_is_still_one(
+        self, harness: Harness, monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        """As when Ctrl-C meets the import of an extension module, which then looks broken."""
+        def fake() -> None:
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except KeyboardInterrupt:
+                raise NameError("name '_extension' is not defined") from None
+
+        module = ModuleType("harness.cli.fake")
+        module.fake = fake  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, "harness.cli.fake", module)
+        monkeypatch.setattr(cli, "COMMANDS", {"fake": "fake"})
+        done = harness("fake")
+        assert (done.status, done.err) == (130, "harness: interrupted\n")
+
+    def test_is_left_to_a_host_program_afterwards(self) -> None:
+        before = signal.getsignal(signal.SIGINT)
+        assert main(["--version"]) == 0
+        assert signal.getsignal(signal.SIGINT) is before
+
+
+class TestStreams:
+    """Whatever stdout and stderr are, no traceback."""
+
+    def test_a_full_disk_behind_stdout_is_one_line(self) -> None:
+        with open("/dev/full", "w") as full:
+            done = subprocess.run([sys.executable, "-c", FAKE], stdout=full, stderr=subprocess.PIPE, text=True)
+        assert done.returncode == 2
+        assert done.stderr == ("harness: error: the output cannot be written (No space left on device); "
+                               "send it elsewhere, or free some space\n")
+
+    @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&-"])
+    def test_closed_streams_are_nobodys_business(self, closed: str) -> None:
+        done = subprocess.run(["/bin/sh", "-c", f'"$0" -c "$1" {closed}', sys.executable, FAKE], capture_output=True)
+        assert done.returncode == 0
+        assert done.stderr == b""
+
+    @pytest.mark.parametrize("environment", [
+        {"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}])
+    def test_characters_that_a_locale_lacks_are_escaped(self, environment: dict[str, str]) -> None:
+        done = subprocess.run([sys.executable, "-c", FAKE], capture_output=True, env={**os.environ, **environment})
+        assert (done.returncode, done.stdout, done.stderr) == (0, b"\\xb1\\xb1\\xb1\n", b"")
+
+    def test_json_is_ascii_in_every_locale(self, harness: Harness, sky: Path) -> None:
+        scene = sky.with_name("größer.xml")
+        sky.rename(scene)
+        done = harness("render", scene, "--spp", 2, "--json")
+        assert done.out.isascii()
+        assert done.json["scene"] == "größer"
