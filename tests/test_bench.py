@@ -1,0 +1,191 @@
+"""The benchmark: rows that follow from what was measured, kept and read back; speed itself is never tested."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness import bench
+from harness.bench import Case, Row
+from harness.cli import main
+from harness.errors import StoreError
+from harness.estimate import Batch
+from harness.scene import Scene
+from tests.fakes import NoiseRenderer
+
+CASE = Case("diffuse", "cosine", "path", needed=5.0)
+ROW = Row("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.5, opponent_rate=2.5, ratio=5.1, low=4.75, high=5.5,
+          wall_ratio=5.0, efficiency_ratio=3.25)
+
+
+class Paced(NoiseRenderer):
+    """Noise at a known price: `cost` CPU seconds for one sample of each pixel, `growth` times more in each round."""
+
+    cost: float
+    sigma_per_sample: float
+    growth = 1.1
+
+    def __init__(self, scene: Scene, variant: str) -> None:
+        super().__init__(sigma=self.sigma_per_sample, size=(4, 4))
+        self.pixels = scene.width * scene.height
+        self.variant = variant
+        self.released = False
+
+    def render_batch(self, replica: int, start: int, count: int,
+                     advance: Callable[[float], None] | None = None) -> Batch:
+        batch = super().render_batch(replica, start, count, advance)
+        rounds = sum(replica == 1 for replica, _, _ in self.calls)
+        return dataclasses.replace(batch, cpu_seconds=count * self.cost * self.growth**max(rounds - 1, 0))
+
+    def release(self) -> None:
+        self.released = True
+
+
+class Tracer(Paced):
+    cost, sigma_per_sample = 0.01, 0.6
+
+
+class Mitsuba(Paced):
+    cost, sigma_per_sample = 0.06, 0.3
+
+
+@pytest.fixture
+def paced(monkeypatch: pytest.MonkeyPatch) -> list[Paced]:
+    """Renderers of known price in the benchmark's place of the real ones; all that were made."""
+    made: list[Paced] = []
+
+    def maker(kind: type[Paced]) -> Callable[[Scene, str], Paced]:
+        def make(scene: Scene, variant: str) -> Paced:
+            made.append(kind(scene, variant))
+            return made[-1]
+        return make
+
+    monkeypatch.setattr(bench, "TracerRenderer", maker(Tracer))
+    monkeypatch.setattr(bench, "ReferenceRenderer", maker(Mitsuba))
+    monkeypatch.setattr(bench, "MAX_SPP", 8)
+    return made
+
+
+class TestRun:
+    """One row a case."""
+
+    def test_ratios_are_those_of_the_rates(self, paced: list[Paced]) -> None:
+        """Each round costs both sides 10 % more than the one before, so every round's ratio is 6."""
+        row, = bench.run([CASE], rounds=3)
+        assert (row.scene, row.strategy, row.opponent, row.needed) == ("diffuse", "cosine", "path", 5.0)
+        assert row.ratio == pytest.approx(6.0)
+        assert (row.low, row.high) == pytest.approx((6.0, 6.0))
+        assert row.tracer_rate == pytest.approx(paced[0].pixels / Tracer.cost / Tracer.growth / 1e6), "a median"
+        assert row.tracer_rate / row.opponent_rate == pytest.approx(6.0)
+
+    def test_the_spread_is_of_the_rounds_ratios(self, paced: list[Paced], monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(Mitsuba, "growth", 1.0)
+        row, = bench.run([CASE], rounds=3)
+        assert (row.high, row.ratio, row.low) == pytest.approx((6.0, 6.0 / 1.1, 6.0 / 1.1**2))
+
+    def test_efficiency_counts_variance_as_well(self, paced: list[Paced]) -> None:
+        """Four times the variance at a sixth of the price: 1.5 times as efficient."""
+        row, = bench.run([CASE], rounds=200)
+        price = row.tracer_rate / row.opponent_rate
+        assert row.efficiency_ratio == pytest.approx(price / 4, rel=0.1)
+
+    def test_the_renderers_take_turns_on_the_cases_scene_and_are_released(self, paced: list[Paced]) -> None:
+        ticks: list[float | None] = []
+
+        def counting(total: float | None, description: str) -> AbstractContextManager[Callable[[float], None]]:
+            ticks.append(total)
+            return nullcontext(ticks.append)
+
+        cases = [CASE, Case("furnace_convex", "mixture", "bsdf_path", 4.0)]
+        rows = bench.run(cases, rounds=2, progress=counting)
+        assert [row.scene for row in rows] == ["diffuse", "furnace_convex"]
+        assert [renderer.variant for renderer in paced] == ["cosine", "path", "mixture", "bsdf_path"]
+        assert [renderer.released for renderer in paced] == [True, False, True, False]
+        assert ticks == [4, 1, 1, 1, 1], "the total first, then a step a round"
+
+    def test_no_sample_is_measured_twice(self, paced: list[Paced]) -> None:
+        bench.run([CASE], rounds=3)
+        for renderer in paced:
+            assert len(set(renderer.calls)) == len(renderer.calls)
+            measured = [call for call in renderer.calls if call[0] == 1]
+            assert [start for _, start, _ in measured] == [sum(c for *_, c in measured[:k]) for k in range(3)]
+
+    def test_the_real_renderers_fit_in(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(bench, "PILOT_SPP", 1)
+        monkeypatch.setattr(bench, "MAX_SPP", 1)
+        row, = bench.run([Case("diffuse", "cosine", "bsdf_path", 4.0)], rounds=2)
+        values = dataclasses.asdict(row)
+        assert all(math.isfinite(value) and value > 0 for value in values.values() if isinstance(value, float))
+        assert row.low <= row.ratio <= row.high
+
+
+class TestFile:
+    """Rows on disk."""
+
+    def test_read_back_what_was_saved(self, tmp_path: Path) -> None:
+        rows = [ROW, dataclasses.replace(ROW, scene="größer", ratio=float(np.nextafter(5, 6)))]
+        bench.save(rows, tmp_path / "new" / "bench.json")
+        assert bench.load(tmp_path / "new" / "bench.json") == rows
+
+    def test_say_what_they_were_measured_with(self, tmp_path: Path) -> None:
+        bench.save([ROW], tmp_path / "bench.json")
+        held = json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))
+        assert {"mitsuba", "drjit", "gl_renderer", "python"} <= held["versions"].keys()
+
+    @pytest.mark.parametrize("content", [
+        b"", b"{", b"\xff\xfe", b"[]", b"{}", b'{"rows": 3}', b'{"rows": [3]}', b'{"rows": [{"scene": "x"}]}',
+        json.dumps({"rows": [{**dataclasses.asdict(ROW), "ratio": "fast"}]}).encode(),
+        json.dumps({"rows": [{**dataclasses.asdict(ROW), "ratio": None}]}).encode(),
+    ])
+    def test_that_is_malformed_is_refused_in_one_line(self, tmp_path: Path, content: bytes) -> None:
+        path = tmp_path / "bench.json"
+        path.write_bytes(content)
+        with pytest.raises(StoreError) as caught:
+            bench.load(path)
+        message = str(caught.value)
+        assert message.startswith(f"{path}: not a benchmark result (")
+        assert message.endswith("); run `harness bench` again")
+        assert "\n" not in message
+
+    def test_that_is_missing_is_refused(self, tmp_path: Path) -> None:
+        with pytest.raises(StoreError, match="No such file"):
+            bench.load(tmp_path / "bench.json")
+
+
+class TestCommand:
+    """`harness bench`."""
+
+    @pytest.fixture(autouse=True)
+    def measured(self, monkeypatch: pytest.MonkeyPatch) -> list[Row]:
+        rows = [ROW]
+        monkeypatch.setattr(bench, "run", lambda rounds, progress: rows)
+        return rows
+
+    @pytest.mark.parametrize(("ratio", "status"), [(5.0, 0), (4.99, 1)])
+    def test_status_is_1_when_a_ratio_misses_what_is_needed(
+        self, measured: list[Row], tmp_path: Path, ratio: float, status: int,
+    ) -> None:
+        measured.append(dataclasses.replace(ROW, ratio=ratio))
+        assert main(["bench", "-o", str(tmp_path / "bench.json")]) == status
+
+    def test_keeps_the_result_and_prints_a_row_a_case(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        assert main(["bench", "-o", str(tmp_path / "bench.json")]) == 0
+        output = capsys.readouterr()
+        assert output.out.splitlines()[1].split() == [
+            "diffuse", "cosine", "path", "12.5", "2.50", "5.10x", "4.75-5.50", "5x", "5.00x", "3.25x"]
+        assert output.err == ""
+        assert bench.load(tmp_path / "bench.json") == [ROW]
+
+    def test_json_is_one_object(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(["bench", "-o", str(tmp_path / "bench.json"), "--json"]) == 0
+        answer = json.loads(capsys.readouterr().out)
+        assert answer == {"rows": [dataclasses.asdict(ROW)], "output": str(tmp_path / "bench.json")}
