@@ -1,0 +1,144 @@
+"""The README and the help say what is so: their commands run, their names exist, their numbers are the code's."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+import harness
+from harness import bench, studies
+from harness.cli import COMMANDS, main
+from harness.cli import report as report_command
+from harness.files import data_dir
+from harness.runs import TOLERANCE
+from harness.scene import Scene, load_scene
+from harness.scene.loader import BSDFS, SHAPES
+from harness.tracer.codegen import STRATEGIES
+
+ROOT = Path(harness.__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+# What makes an example of the README or of the help run in a moment.
+BRIEF = {"--spp": "4", "--replicas": "2", "--reference-spp": "8"}
+SIZE = ("--size", "16x12")
+BENCH_ROW = bench.Row("diffuse", "cosine", "path", 5.0, 12.0, 2.0, 6.0, 5.5, 6.5, 6.1, 4.0)
+
+
+def blocks(language: str = "") -> list[str]:
+    """The README's fenced blocks in a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
+
+
+def commands(text: str) -> list[str]:
+    """Lines that begin with `harness`, less their comments."""
+    return [line.partition("#")[0].strip() for line in text.splitlines() if line.startswith("harness ")]
+
+
+def section(title: str) -> str:
+    return README.split(f"\n## {title}\n")[1].split("\n## ")[0]
+
+
+def first_column(text: str) -> list[str]:
+    """The first cells of a section's table, less its head."""
+    return [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("|")][2:]
+
+
+@pytest.fixture
+def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The checkout as its commands see it, but with one scene, and with profiles that render little."""
+    monkeypatch.chdir(tmp_path)
+    scenes = tmp_path / "mitsuba_scenes"
+    scenes.mkdir()
+    (scenes / "spheres.xml").symlink_to(data_dir("mitsuba_scenes") / "spheres.xml")
+    monkeypatch.setattr("harness.files.data_dir", {**{name: data_dir(name) for name in ("glsl", "reports")},
+                                                   "mitsuba_scenes": scenes}.__getitem__)
+    monkeypatch.setitem(studies.PROFILES, "quick", studies.Profile(spp=4, replicas=2, reference_spp=8))
+    monkeypatch.setattr(bench, "run", lambda **options: [BENCH_ROW])
+
+    def small(path: Path) -> Scene:
+        return load_scene(path, width=16, height=12)
+
+    monkeypatch.setattr(report_command, "open_scene", small)
+
+
+def run(command: str) -> int:
+    """Run a command line with fewer samples and pixels."""
+    words = shlex.split(command)[1:]
+    for option, value in BRIEF.items():
+        if option in words:
+            words[words.index(option) + 1] = value
+    return main([*words, *(SIZE if words[0] in ("render", "reference", "study") else ())])
+
+
+class TestCommands:
+    """What a reader may type."""
+
+    def test_every_command_is_shown(self) -> None:
+        shown = [line.split()[1] for line in commands("\n".join(blocks()))]
+        assert shown == ["doctor", *(name for name in COMMANDS if name != "doctor")]
+
+    def test_the_readmes_run_one_after_another(
+        self, brief: None, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    ) -> None:
+        """In its order, for `compare` reads what `render` and `reference` wrote. 1: so few samples decide nothing."""
+        for command in commands("\n".join(blocks())):
+            assert run(command) in (0, 1), f"{command}: {capsys.readouterr().err}"
+        assert (tmp_path / "spheres.exr").is_file()
+        assert (tmp_path / "truth.exr").is_file()
+        assert (tmp_path / "reports" / "out" / "report.pdf").is_file()
+
+    @pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ("doctor", "report")])
+    def test_the_examples_of_the_help_run(
+        self, brief: None, capsys: pytest.CaptureFixture[str], name: str,
+    ) -> None:
+        """The other two are the README's own."""
+        if name == "compare":
+            run("harness render mitsuba_scenes/spheres.xml -o spheres.exr --spp 4")
+            run("harness reference mitsuba_scenes/spheres.xml -o truth.exr --spp 4")
+        main([name, "--help"])
+        text = " ".join(capsys.readouterr().out.split())
+        assert run(text.split("Example: `")[1].split("`")[0]) in (0, 1), capsys.readouterr().err
+
+    def test_the_python_example_runs(self, brief: None, capsys: pytest.CaptureFixture[str]) -> None:
+        program, = blocks("python")
+        smaller = {'.xml"': '.xml", width=16, height=12', "spp=256": "spp=8", "replicas=4": "replicas=2"}
+        for option, less in smaller.items():
+            assert option in program
+            program = program.replace(option, less)
+        exec(compile(program, "README.md", "exec"), {})
+        assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["uniform", "mixture"]
+
+    def test_the_make_targets_exist(self) -> None:
+        targets = set(re.findall(r"^([a-z]+):.*## ", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+        named = set(re.findall(r"\bmake ([a-z]+)\b(?=`|  +#)", README))
+        assert {"report", "test", "setup", "lint"} <= named <= targets
+
+
+class TestWords:
+    """Names and numbers in the text."""
+
+    def test_exit_statuses_are_those_of_the_code(self) -> None:
+        from harness.cli import EXIT_INTERRUPTED, EXIT_USAGE
+        from harness.errors import HarnessError, MachineError
+
+        told = first_column(section("The command `harness`"))
+        assert told == ["0", "1", "2", "3", "130"]
+        assert (HarnessError.exit_status, EXIT_USAGE, MachineError.exit_status, EXIT_INTERRUPTED) == (2, 2, 3, 130)
+
+    def test_every_strategy_is_explained(self) -> None:
+        assert re.findall(r"`([a-z]+)`", section("Strategies"))[:len(STRATEGIES)] == list(STRATEGIES)
+
+    def test_the_tolerance_is_the_default(self) -> None:
+        assert f"({TOLERANCE:.1%})".replace("%", " %") in section("Verdicts")
+
+    @pytest.mark.parametrize(("element", "names"), [("shapes", SHAPES), ("BSDFs", BSDFS)])
+    def test_every_supported_plugin_is_listed(self, element: str, names: tuple[str, ...]) -> None:
+        row = next(line for line in section("Scenes").splitlines() if line.startswith(f"| {element} "))
+        assert set(names) <= set(re.findall(r"`([a-z]+)`", row))
+
+    def test_every_place_exists(self) -> None:
+        for cell in first_column(section("Where things are")):
+            for place in re.findall(r"`([^`]+)`", cell):
+                assert (ROOT / place).exists(), place
