@@ -192,7 +192,7 @@ def test_meshes_of_one_material_may_face_different_ways(mi: Any, tmp_path: Path)
             <rfilter type="box"/></film></sensor>
         <emitter type="constant"><float name="radiance" value="1"/></emitter>
         <bsdf type="diffuse" id="white"/>{cubes}</scene>""")
-    image = ReferenceRenderer(load_scene(path)).render_batch(0, 0, 16).mean
+    image = ReferenceRenderer(load_scene(path)).render_batch(0, 0, 1024).mean
     assert image[14:18, 9:12].mean() == pytest.approx(0.5, rel=0.05), "the front of the one shows its albedo"
     assert image[16, 21] == pytest.approx(0.0, abs=1e-6), "the back of the other is black"
 
