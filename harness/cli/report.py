@@ -52,8 +52,10 @@ def report(
     with progress(len(loaded), f"report ({profile})") as advance:
         for scene in loaded:
             scene_began = time.perf_counter()
-            results.append(_studied(scene, PROFILES[profile]))
-            elapsed[scene.name] = time.perf_counter() - scene_began
+            result, fresh = _studied(scene, PROFILES[profile])
+            results.append(result)
+            if fresh:
+                elapsed[scene.name] = time.perf_counter() - scene_began
             advance(1)
     pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE), elapsed=elapsed)
     verdicts = {f"{result.scene} {item.strategy}": item.verdict.outcome
@@ -99,8 +101,11 @@ def _benchmark(path: Path) -> dict[str, Any] | None:
         return None
 
 
-def _studied(scene: Scene, profile: Profile) -> StudyResult:
-    """The study of one scene, read back where scene, settings and code are the same as when it was made."""
+def _studied(scene: Scene, profile: Profile) -> tuple[StudyResult, bool]:
+    """The study of one scene, and whether it was made now.
+
+    It is read back where scene, settings and code are the same as when it was made.
+    """
     from harness.files import cache_dir
     from harness.report.storage import STUDY_FILE, load_study, save_study
     from harness.runs import versions
@@ -114,13 +119,13 @@ def _studied(scene: Scene, profile: Profile) -> StudyResult:
     folder = cache_dir() / "studies" / digest
     if (folder / STUDY_FILE).exists():
         try:
-            return load_study(folder)
+            return load_study(folder), False
         except StoreError as error:
             log(f"warning: {error.args[0].partition(';')[0]}; the study is made again")
     result = study(scene, exhibited_strategies(scene), spp=profile.spp, replicas=profile.replicas,
                    reference_spp=profile.reference_spp, store=open_store(True), progress=progress)
     save_study(result, folder)
-    return result
+    return result, True
 
 
 def _code_hash() -> str:
