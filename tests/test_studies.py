@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,12 @@ import pytest
 
 from harness import load_scene, study
 from harness.errors import HarnessError
-from harness.estimate import Estimate
+from harness.estimate import Batch, Estimate
 from harness.files import data_dir
 from harness.runs import render_estimate
 from harness.scene import Scene
-from harness.store import Store
-from harness.studies import prefix_sizes, replicas_needed
+from harness.store import Store, schedule
+from harness.studies import _Run, prefix_sizes, replicas_needed
 from tests.fakes import NoiseRenderer
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
@@ -65,11 +66,31 @@ def test_a_study_read_back_from_its_batches_is_the_same(scene: Scene, tmp_path: 
     assert first.cpu_seconds_per_spp == again.cpu_seconds_per_spp
 
 
+def test_no_run_is_ever_held_whole(scene: Scene) -> None:
+    """A long run has thousands of batches, each as large as the image."""
+    held: weakref.WeakSet[Batch] = weakref.WeakSet()
+    most = 0
+
+    class Watched(NoiseRenderer):
+        def render_batch(self, *arguments: int, **options: object) -> Batch:  # type: ignore[override]
+            nonlocal most
+            batch = super().render_batch(*arguments, **options)  # type: ignore[arg-type]
+            held.add(batch)
+            most = max(most, len(held))
+            return batch
+
+    run = _Run(scene, Watched(size=(12, 16)), Estimate.exact(np.full((12, 16, 3), 0.5)), 4096)  # type: ignore[arg-type]
+    run.add_replica(None, lambda n: None)
+    assert run.total.samples == 4096
+    assert most <= 10, f"{most} of {len(schedule(4096))} batches at once"
+
+
 @pytest.mark.parametrize(("options", "message"), [
     ({"spp": 0}, "at least 1"),
     ({"replicas": 1}, "at least 2 replicas"),
     ({"strategies": ["metropolis"]}, "unknown strategy 'metropolis'"),
     ({"reference": Estimate.exact(np.ones((4, 4, 3)))}, "4 x 4 pixels"),
+    ({"reference": Estimate.exact(np.full((36, 48, 3), np.nan))}, "not finite"),
 ])
 def test_what_cannot_be_studied_is_refused_in_one_line(scene: Scene, options: dict[str, object], message: str) -> None:
     with pytest.raises(HarnessError, match=message) as caught:
