@@ -11,7 +11,7 @@ void camera_ray(vec2 film, out vec3 o, out vec3 d, out float reach)
     vec2 plane = vec2(1.0 - 2.0 * film.x, 2.0 * film.y - 1.0) * CAMERA_TAN + CAMERA_OFFSET;
     d = plane.x * CAMERA_LEFT + plane.y * CAMERA_UP + CAMERA_FORWARD;
     float slant = length(d);  // distance per unit of depth
-    d /= slant;
+    d *= 1.0 / slant;  // one division: compilers make three of a vector by a scalar
     o = CAMERA_ORIGIN + (CAMERA_NEAR * slant) * d;
     reach = (CAMERA_FAR - CAMERA_NEAR) * slant;
 }

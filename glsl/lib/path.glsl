@@ -32,6 +32,7 @@ bool is_finite(vec3 v)
 vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, int samples)
 {
     uvec2 stream = pixel_stream(pixel, replica);
+    vec2 pixel_size = 1.0 / size;
     vec3 o, d, radiance, throughput;
     float reach;
     int vertex = 0;      // of the current path; 0 means that a new one is due
@@ -39,7 +40,7 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
     for (int i = 0; i < samples * MAX_DEPTH; ++i) {
         if (vertex == 0) {
             seed_sample(stream, first + uint(finished));
-            camera_ray((vec2(pixel) + vec2(rand(), rand())) / size, o, d, reach);
+            camera_ray((vec2(pixel) + vec2(rand(), rand())) * pixel_size, o, d, reach);
             radiance = vec3(0.0);
             throughput = vec3(1.0);
         }

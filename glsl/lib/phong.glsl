@@ -54,7 +54,7 @@ vec3 sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
 #if STRATEGY == STRATEGY_UNIFORM
     l = sample_uniform(n, vec2(rand(), rand()));
     float cos_l = dot(n, l);
-    return eval_phong(m, dot(mirror, l)) * max(cos_l, 0.0) / INV_TWO_PI;
+    return eval_phong(m, dot(mirror, l)) * (max(cos_l, 0.0) / INV_TWO_PI);
 
 #elif STRATEGY == STRATEGY_COSINE || (!HAS_GLOSSY && STRATEGY != STRATEGY_PHONG)
     l = sample_cosine(n, vec2(rand(), rand()));
@@ -69,7 +69,7 @@ vec3 sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
     float cos_l = dot(n, l);
     float cos_to_mirror = dot(mirror, l);
     float pdf = pdf_lobe(cos_to_mirror, m.alpha);
-    return cos_l > 0.0 && pdf > 0.0 ? eval_phong(m, cos_to_mirror) * cos_l / pdf : vec3(0.0);
+    return cos_l > 0.0 && pdf > 0.0 ? eval_phong(m, cos_to_mirror) * (cos_l / pdf) : vec3(0.0);
 
 #else
     // One draw for both terms: the cosine hemisphere is the lobe with exponent 1 about n (see sample_lobe).
@@ -80,11 +80,11 @@ vec3 sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
         return vec3(0.0);
 #if STRATEGY == STRATEGY_LOBES
     // Each term against its own pdf: kd/π cos / (cos/π) = kd, and ks lobe cos / lobe = ks cos.
-    return glossy ? m.ks * cos_l / m.p_glossy : m.kd / (1.0 - m.p_glossy);
+    return glossy ? m.ks * (cos_l / m.p_glossy) : m.kd * (1.0 / (1.0 - m.p_glossy));
 #else
     float cos_to_mirror = dot(mirror, l);
     float pdf = (1.0 - m.p_glossy) * pdf_cosine(cos_l) + m.p_glossy * pdf_lobe(cos_to_mirror, m.alpha);
-    return eval_phong(m, cos_to_mirror) * cos_l / pdf;
+    return eval_phong(m, cos_to_mirror) * (cos_l / pdf);
 #endif
 #endif
 }
