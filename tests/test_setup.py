@@ -276,19 +276,24 @@ def test_two_set_ups_of_one_folder_take_turns(checkout: Path) -> None:
         os.close(folder)
 
 
+def planned(*arguments: str) -> list[str]:
+    """What `make ARGUMENTS` would run, asked as from a shell even when make itself runs the tests."""
+    environment = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MAKELEVEL")}
+    return subprocess.run(["make", "--dry-run", "--no-print-directory", *arguments], cwd=ROOT, check=True,
+                          capture_output=True, text=True, env=environment).stdout.splitlines()
+
+
 class TestMake:
     """The targets, and what continuous integration runs."""
 
     @pytest.mark.parametrize("target", ["report", "test", "bench", "doctor", "lint"])
     def test_every_target_sets_up_first(self, target: str) -> None:
-        plan = subprocess.run(["make", "--dry-run", target], cwd=ROOT, check=True, capture_output=True, text=True)
-        assert plan.stdout.splitlines()[0].endswith("-I harness/bootstrap.py")
-        assert all(line.startswith(".venv/bin/") for line in plan.stdout.splitlines()[1:])
+        plan = planned(target)
+        assert plan[0].endswith("-I harness/bootstrap.py")
+        assert all(line.startswith(".venv/bin/") for line in plan[1:])
 
     def test_the_report_takes_its_profile(self) -> None:
-        plan = subprocess.run(["make", "--dry-run", "report", "PROFILE=full"], cwd=ROOT, check=True,
-                              capture_output=True, text=True)
-        assert plan.stdout.splitlines()[-1] == ".venv/bin/harness report --profile full"
+        assert planned("report", "PROFILE=full")[-1] == ".venv/bin/harness report --profile full"
 
     def test_continuous_integration_runs_only_what_the_readme_names(self) -> None:
         commands = [line for line in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()

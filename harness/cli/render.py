@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from harness.scene import Scene
 
 OutputOption = Annotated[Path | None, typer.Option(
-    "--output", "-o", help="File to write: .exr (linear, with variance and metadata) or .png (ready to look at).")]
+    "--output", "-o", help="File to write: .exr (linear, with variance and metadata) or .png (ready to look at); "
+                           "an .exr named after the scene if not given.")]
 ReplicaOption = Annotated[int, typer.Option("--replica", min=0, max=2**31 - 1,
                                             help="Seed: each replica is an independent random stream.")]
 

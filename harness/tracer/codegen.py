@@ -14,6 +14,9 @@ import numpy as np
 
 from harness.scene.model import Material, Scene, Shape
 
+# Literals outside this range are written with an exponent, which is shorter.
+SMALLEST_POSITIONAL, LARGEST_POSITIONAL = 1e-4, 1e7
+
 STRATEGIES = ("uniform", "cosine", "phong", "lobes", "mixture")
 
 
@@ -153,6 +156,11 @@ def _vec(values: Any, convert: Callable[[float], str] | None = None) -> str:
 
 
 def _float(value: float) -> str:
-    """The shortest decimal that reads back as the same float32."""
-    text = str(np.float32(value) + np.float32(0))  # + 0 turns -0 into 0, which compilers fold away
-    return text if "." in text or "e" in text else f"{text}.0"
+    """The shortest decimal that reads back as the same float32.
+
+    By dragon4 itself: str() follows NumPy's print options, which a notebook or a package (colour-science) may change.
+    """
+    number = np.float32(value) + np.float32(0)  # + 0 turns -0 into 0, which compilers fold away
+    if number == 0 or SMALLEST_POSITIONAL <= abs(number) < LARGEST_POSITIONAL:
+        return np.format_float_positional(number, trim="0")
+    return np.format_float_scientific(number, trim="0")

@@ -67,6 +67,17 @@ def test_literals_are_floats_in_glsl(value: float) -> None:
         assert np.float32(float(literal)) == np.float32(value)
 
 
+def test_literals_do_not_follow_numpys_print_options() -> None:
+    scene = scene_of(environment=(1 / 3, 123456789.0, 1e-5))
+    expected = scene_chunk(scene, "cosine")
+    options = np.get_printoptions()
+    try:
+        np.set_printoptions(legacy="1.13", precision=3)
+        assert scene_chunk(scene, "cosine") == expected
+    finally:
+        np.set_printoptions(**options)
+
+
 def test_no_negative_zero_in_transforms() -> None:
     """Rotations are full of them."""
     matrix = np.array([[-0.0, 0, 1, -0.0], [0, -1, -0.0, 0], [1, -0.0, 0, 0], [0, 0, 0, 1]])
