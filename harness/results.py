@@ -42,7 +42,8 @@ class StrategyResult:
 class StudyResult:
     """One scene, its reference, and every strategy that was run on it.
 
-    `description` is the scene file's opening comment. `reference_kind`: 'Mitsuba' or 'closed form'.
+    `description` is the scene file's opening comment. `reference_kind`: 'Mitsuba', 'closed form',
+    or 'given' where the caller brought it.
     `provenance`: flat mapping of name to value (versions, GL renderer, seeds, hashes, sizes), all strings.
     """
 
