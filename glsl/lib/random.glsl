@@ -23,11 +23,11 @@ uvec2 pixel_stream(uvec2 pixel, uint replica)
     return uvec2(a, pcg_hash(a ^ 0x9e3779b9u));
 }
 
-// Two rounds, keyed differently, so that no two pixels run through the same states at a constant lag, as they
-// would with one round of (sample + pixel key). Bijective in `index`: a pixel never repeats a sample.
+// Bijective in `index`: a pixel never repeats a sample. The hash stands between the two keys, so that two pixels meet in
+// no lag of their samples: where their hashes agree, their states still differ by the difference of the other key.
 void seed_sample(uvec2 stream, uint index)
 {
-    rng_state = pcg_hash(pcg_hash(index ^ stream.x) + stream.y);
+    rng_state = pcg_hash(index ^ stream.x) + stream.y;
 }
 
 // Uniform in [0, 1): the upper 24 bits, all that a float32 holds exactly.

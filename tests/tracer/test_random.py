@@ -55,7 +55,7 @@ def reference(x: int, y: int, replica: int, sample: int) -> list[float]:
         return output(step(value & 0xFFFFFFFF))
 
     key = pcg(x + pcg(y + pcg(replica)))
-    state = pcg(pcg(sample ^ key) + pcg(key ^ 0x9E3779B9))
+    state = (pcg(sample ^ key) + pcg(key ^ 0x9E3779B9)) & 0xFFFFFFFF
     numbers = []
     for _ in range(DRAWS):
         numbers.append((output(state) >> 8) / 2**24)
