@@ -7,7 +7,7 @@ constants, and intersect_scene, surface_normal, material, emission, is_two_sided
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -151,8 +151,8 @@ def _in_comment(name: str) -> str:
     return re.sub(r"[^ -\[\]-~]", "?", name)
 
 
-def _vec(values: Any, convert: Callable[[float], str] | None = None) -> str:
-    return f"vec{len(values)}({', '.join(map(convert or _float, values))})"
+def _vec(values: Any) -> str:
+    return f"vec{len(values)}({', '.join(map(_float, values))})"
 
 
 def _float(value: float) -> str:

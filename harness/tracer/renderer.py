@@ -21,8 +21,8 @@ from harness.tracer.source import ShaderSource, assemble
 # Past about 65,535 iterations of all loops of one invocation llvmpipe leaves the loop without an error and the
 # result is wrong; half of that leaves room for every loop the driver may add.
 MAX_ITERATIONS = 32_768
-# Fewer samples in a pass cost launch overhead and lanes that idle while their neighbours finish (64 are 2 % slower,
-# 32 are 4 %); more gain another 4 % but make a draw so long that bands get narrow.
+# Fewer samples in a pass cost launch overhead and lanes that idle while their neighbours finish: 64 are 2 to 4 %
+# slower on spheres and cornell, 32 are 3 to 9 %. Twice as many gain up to 6 % but no batch of the store is that long.
 MAX_SAMPLES_PER_PASS = 128
 # A float32 sum of this many samples is off by 8e-6 at worst, which is when all are equal (1.5e-5 for twice as many);
 # then it is flushed to float64.

@@ -13,7 +13,7 @@ from harness.scene import Camera, Material, Scene, Shape, load_scene
 from harness.tracer.codegen import STRATEGIES, geometric_normal, glossy_probability, scene_chunk
 from harness.tracer.context import Program
 from harness.tracer.probes import evaluate
-from harness.tracer.renderer import tracer_source
+from harness.tracer.renderer import TracerRenderer, tracer_source
 
 SCENES = sorted((Path(__file__).parents[2] / "mitsuba_scenes").glob("*.xml"))
 IDENTITY = tuple(map(tuple, np.eye(4)))
@@ -106,13 +106,17 @@ def test_two_sided_shapes_are_told_apart() -> None:
 def test_every_scene_compiles_for_every_strategy(path: Path) -> None:
     """Suitable or not: an unsuitable strategy is warned of, never a compile error."""
     for strategy in STRATEGIES:
-        Program(tracer_source(load_scene(path), strategy)).release()
+        source = tracer_source(load_scene(path), strategy)
+        assert f"#define STRATEGY STRATEGY_{strategy.upper()}" in source.text
+        Program(source).release()
 
 
-def test_a_scene_without_shapes_compiles() -> None:
-    """An empty scene under a sky is a scene."""
+def test_a_scene_without_shapes_is_its_sky() -> None:
+    """An empty scene is a scene."""
     for strategy in STRATEGIES:
-        Program(tracer_source(scene_of(environment=(1, 1, 1)), strategy)).release()
+        renderer = TracerRenderer(scene_of(environment=(0.25, 0.5, 1)), strategy)
+        assert (renderer.render_batch(0, 0, 2).mean == [0.25, 0.5, 1]).all()
+        renderer.release()
 
 
 @pytest.mark.parametrize("name", ["ends in a backslash \\", "two\nlines", "carriage\rreturn", "*/ comment", "größe Ω"])
