@@ -25,6 +25,7 @@ from harness.runs import (
     versions,
 )
 from harness.scene import Scene, describe
+from harness.scene.model import is_black
 from harness.stats.bias import error_scale
 from harness.stats.convergence import fit_slope
 from harness.store import Store
@@ -170,7 +171,7 @@ def _study_strategy(scene: Scene, name: str, reference: Estimate, plan: _Plan, s
 
 def exhibited_strategies(scene: Scene) -> tuple[str, ...]:
     """The strategies that a report shows: all that suit, and lobe-only sampling, as a warning, wherever a lobe is."""
-    has_lobe = any(max(shape.material.ks) > 0 for shape in scene.shapes)
+    has_lobe = any(not is_black(shape.material.ks) for shape in scene.shapes)
     return tuple(name for name in STRATEGIES if check_strategy(scene, name).suits or has_lobe)
 
 

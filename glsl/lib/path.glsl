@@ -54,10 +54,11 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
         } else {
             vec3 p = o + t * d;
             vec3 n = surface_normal(id, p);
+            vec2 uv = surface_uv(id, p);
             float facing = -dot(n, d);
 #if HAS_EMISSION
             if (facing > 0.0)
-                radiance += throughput * emission(id);
+                radiance += throughput * emission(id, p, uv);
 #endif
 #if HAS_TWO_SIDED
             if (facing < 0.0 && is_two_sided(id)) {
@@ -67,7 +68,7 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
 #endif
             if (facing > 0.0 && vertex < MAX_DEPTH) {
                 vec3 l;
-                throughput *= sample_phong(material(id), n, -d, l);
+                throughput *= sample_phong(material(id, p, uv), n, -d, l);
                 o = offset_origin(p, n);
                 d = l;
                 reach = NO_HIT;

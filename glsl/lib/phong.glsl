@@ -35,6 +35,15 @@ struct Material {
     float p_glossy;   // probability of drawing from the lobe where a strategy chooses between the two terms
 };
 
+// The lobe's share of what the two terms reflect at most, by the largest channel. As tracer/materials.py has it for
+// constants and reference/phong.py for the reference.
+float glossy_probability(vec3 kd, vec3 ks)
+{
+    float diffuse = max(max(kd.r, kd.g), kd.b);
+    float glossy = max(max(ks.r, ks.g), ks.b);
+    return diffuse + glossy > 0.0 ? glossy / (diffuse + glossy) : 0.0;
+}
+
 vec3 eval_phong(Material m, float cos_to_mirror)
 {
     vec3 f = vec3(0.0);

@@ -15,11 +15,12 @@ void main()
     vec3 d = texelFetch(input1, row, 0).xyz;
     int id;
     float t = intersect_scene(origin.xyz, d, origin.w, id);
-    vec3 n = id < 0 ? vec3(0.0) : surface_normal(id, origin.xyz + t * d);
+    vec3 p = origin.xyz + t * d;
+    vec3 n = id < 0 ? vec3(0.0) : surface_normal(id, p);
     output0 = vec4(n, t);
     output1 = vec4(vec3(0.0), float(id));
 #if HAS_EMISSION
     if (dot(n, d) < 0.0)
-        output1.rgb = emission(id);
+        output1.rgb = emission(id, p, surface_uv(id, p));
 #endif
 }

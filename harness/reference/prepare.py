@@ -7,6 +7,7 @@ from typing import Any
 
 from harness.errors import HarnessError, SceneError
 from harness.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
+from harness.reference.expand import expand_shapes
 from harness.reference.plugins import register_plugins
 from harness.scene import Scene, load_scene, parse
 
@@ -14,8 +15,8 @@ from harness.scene import Scene, load_scene, parse
 def instantiate(scene: Scene) -> Any:
     """The `mi.Scene` of `scene`'s file: box filter, float32 RGB film of the scene's size, independent sampler.
 
-    The file is parsed again by Mitsuba's parser. Only the sensor's film and sampler are replaced, so nothing that the
-    harness adds to a file (a film's `exposure`) reaches Mitsuba.
+    The file is parsed again by Mitsuba's parser. The sensor's film and sampler are replaced, so nothing that the
+    harness adds to a film (`exposure`) reaches Mitsuba, and what it adds to shapes is expanded (see `expand_shapes`).
 
     Raises HarnessError when the scene has no file; SceneError when the scene is not what its file says (but for film
     size and depth), and when Mitsuba refuses it.
@@ -27,6 +28,7 @@ def instantiate(scene: Scene) -> Any:
     mi = use_reference_variant()
     register_plugins()
     state = parse(scene.path)
+    expand_shapes(mi, state, scene)
     for node in state.nodes:
         if node.type == mi.ObjectType.Sensor:
             _equip(mi, node.props, scene)

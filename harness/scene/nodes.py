@@ -123,6 +123,18 @@ class Node:
                 del self._unread[key]
                 yield key, child
 
+    def nested(self, name: str) -> Node | None:
+        """The object that property `name` holds or refers to; None where it is absent or a plain value."""
+        child = self._nested(self._props[name]) if name in self._props else None
+        if child is not None:
+            self._unread.pop(name, None)
+        return child
+
+    @property
+    def file(self) -> Path:
+        """The file in which the element stands; file names inside it are relative to its folder."""
+        return Path(str(self.state.files[self._node.file_index]))
+
     def ignore(self, *names: str) -> None:
         """Accept properties that change neither renderer's image (a film's file format, say)."""
         for name in names:

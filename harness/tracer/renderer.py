@@ -13,7 +13,7 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.estimate import Batch
 from harness.files import data_dir
-from harness.scene.model import Scene
+from harness.scene.model import Scene, is_black
 from harness.tracer.codegen import STRATEGIES, scene_chunk
 from harness.tracer.context import Program, context, describe_gl
 from harness.tracer.source import ShaderSource, assemble
@@ -48,7 +48,7 @@ def check_strategy(scene: Scene, name: str) -> Strategy:
     """Judge a strategy for a scene. Raises HarnessError for an unknown name."""
     if name not in STRATEGIES:
         raise HarnessError(f"unknown strategy '{name}'; choose from {', '.join(STRATEGIES)}")
-    if name == "phong" and any(max(shape.material.kd) > 0 for shape in scene.shapes):
+    if name == "phong" and any(not is_black(shape.material.kd) for shape in scene.shapes):
         return Strategy(name, False, "lobe-only sampling never draws most directions of a diffuse term (kd > 0): "
                                      "it is biased and its variance is enormous")
     return Strategy(name, True)

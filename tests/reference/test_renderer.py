@@ -241,8 +241,8 @@ def test_a_refusal_by_mitsuba_is_one_line(mi: Any, monkeypatch: pytest.MonkeyPat
         <bsdf type="phong"><float name="ks" value="-1"/></bsdf></shape></scene>"""
     config = mi.parser.ParserConfig("llvm_ad_rgb")
     monkeypatch.setattr(prepare, "parse", lambda path: mi.parser.parse_string(config, bad))
-    with pytest.raises(SceneError, match=r"spheres\.xml: Mitsuba refuses the scene: .*phong: ks is -1") as caught:
-        ReferenceRenderer(scene("spheres"))
+    with pytest.raises(SceneError, match=r"convex\.xml: Mitsuba refuses the scene: .*phong: ks is -1") as caught:
+        ReferenceRenderer(scene("furnace_convex"))
     assert "\n" not in str(caught.value)
 
 

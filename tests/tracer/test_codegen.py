@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from harness.scene import Camera, Material, Scene, Shape, load_scene
-from harness.tracer.codegen import STRATEGIES, geometric_normal, glossy_probability, scene_chunk
+from harness.tracer.codegen import STRATEGIES, scene_chunk
 from harness.tracer.context import Program
+from harness.tracer.geometry import geometric_normal
+from harness.tracer.materials import glossy_probability
 from harness.tracer.probes import evaluate
 from harness.tracer.renderer import TracerRenderer, tracer_source
 
@@ -30,7 +32,7 @@ def scene_of(*shapes: Shape, environment: tuple[float, float, float] = (0.0, 0.0
 def described(scene: Scene) -> np.ndarray:
     """What the compiled chunk says of each shape, (shapes, 16): see glsl/probes/material.frag."""
     ids = np.zeros((len(scene.shapes), 4))
-    ids[:, 0] = np.arange(len(ids))
+    ids[:, 3] = np.arange(len(ids))
     return evaluate("material.frag", ids, outputs=4, generated={"scene.glsl": scene_chunk(scene, "mixture")})
 
 

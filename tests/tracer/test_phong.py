@@ -9,7 +9,8 @@ import pytest
 from scipy import stats
 
 from harness.scene import Material
-from harness.tracer.codegen import STRATEGIES, glossy_probability
+from harness.tracer.codegen import STRATEGIES
+from harness.tracer.materials import glossy_probability
 from harness.tracer.probes import evaluate
 
 DIFFUSE = Material((0.8, 0.5, 0.2), (0, 0, 0), 1.0)

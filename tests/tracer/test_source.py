@@ -102,7 +102,7 @@ def test_a_compile_error_in_generated_code_names_it() -> None:
     """An error in the scene's own chunk is reported in `scene.glsl`, at its line there."""
     folder = Path(__file__).parents[2]
     chunk = scene_chunk(load_scene(folder / "mitsuba_scenes" / "furnace_convex.xml"), "cosine")
-    broken = chunk.replace("return vec3(1.0", "return vec2(1.0")
+    broken = chunk.replace("return vec3(", "return vec2(")
     assert broken != chunk
     line = 1 + broken[:broken.index("return vec2")].count("\n")
     message = compile_error(assemble("path_tracer.frag", folder / "glsl", {"scene.glsl": broken}))

@@ -1,0 +1,72 @@
+"""Rewrites what the harness adds to shapes (textures in object space) into what Mitsuba understands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from harness.scene import Scene
+
+# Textures that are functions of the surface point; their plugins take `to_object`, world to canonical object space.
+OBJECT_SPACE_TEXTURES = ("fractal", "marble", "wood")
+
+
+def expand_shapes(mi: Any, state: Any, scene: Scene) -> None:
+    """Edit the parser state of `scene`'s file in place, before Mitsuba transforms and instantiates it."""
+    for index, shape in zip(list(_shape_nodes(mi, state)), scene.shapes, strict=True):
+        _place_textures(mi, state, index, np.linalg.inv(shape.matrix))
+
+
+def _shape_nodes(mi: Any, state: Any) -> Iterator[int]:
+    """Indices of the scene's shapes in file order, which is the order of `Scene.shapes`."""
+    for _, index in _nested(mi, state, 0):
+        if state.nodes[index].type == mi.ObjectType.Shape:
+            yield index
+
+
+def _nested(mi: Any, state: Any, index: int) -> list[tuple[str, int]]:
+    """The objects that a node nests or refers to, as (property, index of their node)."""
+    props = state.nodes[index].props
+    found = []
+    for key in props.keys():
+        value = props[key]
+        if isinstance(value, mi.Properties.ResolvedReference):
+            found.append((key, value.index()))
+        elif isinstance(value, mi.Properties.Reference):
+            found.append((key, state.id_to_index[value.id()]))
+    return found
+
+
+def _place_textures(mi: Any, state: Any, index: int, to_object: np.ndarray) -> None:
+    """Give a node its own copy of every nested object that leads to an object-space texture, and tell that where it is.
+
+    A BSDF may be shared by many shapes, but its texture lies differently on each.
+    """
+    for key, nested in _nested(mi, state, index):
+        if _has_object_space_texture(mi, state, nested):
+            copy = _copy(mi, state, nested, to_object)
+            del state.nodes[index].props[key]
+            state.nodes[index].props[key] = mi.Properties.ResolvedReference(copy)
+
+
+def _has_object_space_texture(mi: Any, state: Any, index: int) -> bool:
+    if state.nodes[index].props.plugin_name() in OBJECT_SPACE_TEXTURES:
+        return True
+    return any(_has_object_space_texture(mi, state, nested) for _, nested in _nested(mi, state, index))
+
+
+def _copy(mi: Any, state: Any, index: int, to_object: np.ndarray) -> int:
+    """Append a copy of the node and of all that it nests; the index of the copy."""
+    node = mi.parser.SceneNode(state.nodes[index])
+    props = mi.Properties(node.props)
+    for key, nested in _nested(mi, state, index):
+        del props[key]
+        props[key] = mi.Properties.ResolvedReference(_copy(mi, state, nested, to_object))
+    if props.plugin_name() in OBJECT_SPACE_TEXTURES:
+        props["to_object"] = mi.ScalarAffineTransform4d(to_object)
+    props.set_id(f"{props.id()} of copy {len(state.nodes)}")  # ids are unique
+    node.props = props
+    state.nodes.append(node)
+    return len(state.nodes) - 1
