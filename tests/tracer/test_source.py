@@ -104,7 +104,7 @@ def test_a_compile_error_in_generated_code_names_it() -> None:
     chunk = scene_chunk(load_scene(folder / "mitsuba_scenes" / "furnace_convex.xml"), "cosine")
     broken = chunk.replace("return vec3(", "return vec2(")
     assert broken != chunk
-    line = 1 + broken[:broken.index("return vec2")].count("\n")
+    line = 1 + broken[:broken.rindex("return vec2(")].count("\n")
     message = compile_error(assemble("path_tracer.frag", folder / "glsl", {"scene.glsl": broken}))
     assert message.startswith(f"scene.glsl:{line}: ")
 
