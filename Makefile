@@ -3,7 +3,7 @@ PROFILE ?= quick
 PYTHON ?= python3
 
 .DEFAULT_GOAL := help
-.PHONY: help setup report test bench doctor lint clean
+.PHONY: help setup report gallery test bench doctor lint clean
 
 help:  ## Show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' Makefile
@@ -13,6 +13,9 @@ setup:  ## Make .venv, with every package at its locked version, and check the n
 
 report: setup  ## Render, measure and set reports/out/report.pdf; PROFILE=quick (default) or full
 	.venv/bin/harness report --profile $(PROFILE)
+
+gallery: setup  ## Render the handout's two pictures, 1024 x 1024, with all their samples; may be interrupted
+	.venv/bin/harness gallery
 
 test: setup  ## Run every unit test and every tolerance gate
 	.venv/bin/pytest
