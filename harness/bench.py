@@ -1,11 +1,13 @@
-"""The benchmark: tracer and Mitsuba interleaved on the same cores in one run, as ratios of CPU time."""
+"""The benchmark: tracer and Mitsuba, or tracer and tracer, interleaved on the same cores in one run, by CPU time."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,7 @@ from harness.estimate import Accumulator
 from harness.files import data_dir, write_atomically
 from harness.reference.renderer import ReferenceRenderer
 from harness.runs import Progress, Renderer, quiet, versions
-from harness.scene import load_scene
+from harness.scene import Scene, load_scene
 from harness.tracer.renderer import TracerRenderer
 
 # Seconds of wall time that one measurement of one renderer should take: long against timer and launch overhead.
@@ -28,7 +30,10 @@ MAX_SPP = 4096
 
 @dataclass(frozen=True)
 class Case:
-    """One row: a scene, the tracer's strategy, the Mitsuba integrator that it is measured against, the target ratio."""
+    """One row: a scene, the tracer's strategy, what it is measured against, the target ratio.
+
+    `opponent`: a Mitsuba integrator, or one of WITHOUT: the tracer itself on the scene without that feature.
+    """
 
     scene: str
     strategy: str
@@ -42,14 +47,29 @@ CASES = (
     Case("spheres", "mixture", "path", 3.0),
     Case("diffuse", "cosine", "bsdf_path", 4.0),
     Case("spheres", "mixture", "bsdf_path", 4.0),
+    Case("environment", "mixture", "path", 6.0),
+    Case("displaced", "mixture", "path", 1.0),
+    Case("depth_of_field", "mixture", "no lens", 0.8),
+    Case("motion_blur", "mixture", "no motion", 0.8),
 )
+
+
+def _without_lens(scene: Scene) -> Scene:
+    return dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, aperture_radius=0.0))
+
+
+def _without_motion(scene: Scene) -> Scene:
+    return dataclasses.replace(scene, shapes=tuple(dataclasses.replace(s, motion=None) for s in scene.shapes))
+
+
+WITHOUT: dict[str, Callable[[Scene], Scene]] = {"no lens": _without_lens, "no motion": _without_motion}
 
 
 @dataclass(frozen=True)
 class Row:
     """A measured case. Rates in million samples (paths) per CPU second, medians over the rounds.
 
-    `ratio`: tracer's rate over Mitsuba's, the median of the rounds' own ratios, `low` and `high` their extremes.
+    `ratio`: tracer's rate over the opponent's, the median of the rounds' own ratios, `low` and `high` their extremes.
     `wall_ratio`: the same by elapsed time. `efficiency_ratio`: of 1 / (variance x CPU time), so it also counts how
     noisy a sample is: how much faster the tracer reaches the same error.
     """
@@ -111,11 +131,12 @@ def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Row:
     tracer = TracerRenderer(scene, case.strategy)
     try:
         ours = _Lane(tracer, pixels)
-        theirs = _Lane(ReferenceRenderer(scene, case.opponent), pixels)
-        for number in range(rounds):
-            ours.measure(number)
-            theirs.measure(number)
-            advance(1)
+        with _opponent(scene, case) as opponent:
+            theirs = _Lane(opponent, pixels)
+            for number in range(rounds):
+                ours.measure(number)
+                theirs.measure(number)
+                advance(1)
     finally:
         tracer.release()
     ratios = [a / b for a, b in zip(ours.cpu, theirs.cpu, strict=True)]
@@ -125,6 +146,19 @@ def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Row:
         tracer_rate=statistics.median(ours.cpu) / 1e6, opponent_rate=statistics.median(theirs.cpu) / 1e6,
         ratio=statistics.median(ratios), low=min(ratios), high=max(ratios), wall_ratio=statistics.median(walls),
         efficiency_ratio=ours.efficiency() / theirs.efficiency())
+
+
+@contextmanager
+def _opponent(scene: Scene, case: Case) -> Iterator[Renderer]:
+    """What a case is measured against, released in the end."""
+    if case.opponent not in WITHOUT:
+        yield ReferenceRenderer(scene, case.opponent)
+        return
+    simpler = TracerRenderer(WITHOUT[case.opponent](scene), case.strategy)
+    try:
+        yield simpler
+    finally:
+        simpler.release()
 
 
 def save(rows: Sequence[Row], path: Path) -> None:

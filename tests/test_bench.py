@@ -17,7 +17,8 @@ from harness.bench import Case, Row
 from harness.cli import main
 from harness.errors import StoreError
 from harness.estimate import Batch
-from harness.scene import Scene
+from harness.files import data_dir
+from harness.scene import Scene, load_scene
 from tests.fakes import NoiseRenderer
 
 CASE = Case("diffuse", "cosine", "path", needed=5.0)
@@ -110,6 +111,13 @@ class TestRun:
         assert [renderer.released for renderer in paced] == [True, False, True, False]
         assert ticks == [4, 1, 1, 1, 1], "the total first, then a step a round"
 
+    def test_a_feature_is_measured_against_the_scene_without_it(self, paced: list[Paced]) -> None:
+        """The opponent is the tracer itself, with the case's own strategy, and is released too."""
+        row, = bench.run([Case("diffuse", "mixture", "no lens", 0.8)], rounds=2)
+        assert [(type(renderer), renderer.variant, renderer.released) for renderer in paced] == [
+            (Tracer, "mixture", True), (Tracer, "mixture", True)]
+        assert row.ratio == pytest.approx(1.0)
+
     def test_no_sample_is_measured_twice(self, paced: list[Paced]) -> None:
         bench.run([CASE], rounds=3)
         for renderer in paced:
@@ -124,6 +132,16 @@ class TestRun:
         values = dataclasses.asdict(row)
         assert all(math.isfinite(value) and value > 0 for value in values.values() if isinstance(value, float))
         assert row.low <= row.ratio <= row.high
+
+
+def test_without_a_feature_all_else_stays() -> None:
+    """The lens closes to a pinhole and moving shapes rest, and nothing else about the scene changes."""
+    scene = load_scene(data_dir("mitsuba_scenes") / "diffuse.xml")
+    lens = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, aperture_radius=0.25))
+    assert bench.WITHOUT["no lens"](lens) == scene
+    moving = dataclasses.replace(scene, shapes=tuple(
+        dataclasses.replace(shape, motion=shape.to_world) for shape in scene.shapes))
+    assert bench.WITHOUT["no motion"](moving) == scene
 
 
 class TestFile:
