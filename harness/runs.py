@@ -23,6 +23,8 @@ from harness.tracer.renderer import TracerRenderer
 # The bias that an equivalence verdict tolerates, and its confidence, unless the caller says otherwise.
 TOLERANCE = 0.002
 CONFIDENCE = 0.95
+# The same where the reference shows a mesh in place of a displaced sphere (harness/reference/displaced.py).
+MESH_TOLERANCE = 0.005
 # Equal batches that a run is cut into at the least, for its variance; see `equal_batches`.
 MIN_EQUAL_BATCHES = 8
 
@@ -117,6 +119,14 @@ def judge(test: Estimate, reference: Estimate, *, tolerance: float = TOLERANCE,
         test.image_mean, test.image_variance, _degrees_of_freedom(test),
         reference.image_mean, reference.image_variance, _degrees_of_freedom(reference),
         tolerance=tolerance, confidence=confidence)
+
+
+def tolerance_for(scene: Scene) -> tuple[float, str]:
+    """The bias that a verdict on this scene tolerates, and a sentence that says why it is not the usual one."""
+    if any(shape.displacement for shape in scene.shapes):
+        return MESH_TOLERANCE, (f"the tolerance is {MESH_TOLERANCE:.1%} instead of {TOLERANCE:.1%}: the reference "
+                                "shows meshes in place of the displaced spheres")
+    return TOLERANCE, ""
 
 
 def versions() -> dict[str, str]:

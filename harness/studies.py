@@ -14,7 +14,6 @@ from harness.estimate import Accumulator, Batch, Estimate, luminance
 from harness.results import StrategyResult, StudyResult
 from harness.runs import (
     CONFIDENCE,
-    TOLERANCE,
     Advance,
     Progress,
     batches,
@@ -22,6 +21,7 @@ from harness.runs import (
     judge,
     quiet,
     render_reference,
+    tolerance_for,
     versions,
 )
 from harness.scene import Scene, describe
@@ -62,13 +62,14 @@ PROFILES = {
 
 def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1024, replicas: int = 8,
           max_replicas: int | None = None, reference_spp: int | None = None, reference: Estimate | None = None,
-          tolerance: float = TOLERANCE, confidence: float = CONFIDENCE, store: Store | None = None,
+          tolerance: float | None = None, confidence: float = CONFIDENCE, store: Store | None = None,
           progress: Progress = quiet) -> StudyResult:
     """Convergence curves, verdict and cost of each strategy on one scene, against one reference.
 
     `strategies`: all that suit the scene where None. `spp`: samples per pixel of each replica; where `replicas` are
     too few to decide, more are added, up to `max_replicas` (8 x replicas by default). `reference`: a ready one (closed
-    form, file); otherwise Mitsuba renders `reference_spp` samples, 4 x spp by default. A study that was
+    form, file); otherwise Mitsuba renders `reference_spp` samples, 4 x spp by default. `tolerance`: that of
+    `tolerance_for` where None. A study that was
     interrupted continues from the store. Raises HarnessError for an unknown strategy, counts below their minimum, an
     image too small for SSIM, and a reference of another size or with pixels that are not finite.
     """
@@ -77,7 +78,8 @@ def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1
     if replicas < 2:
         raise HarnessError(f"a study needs at least 2 replicas to tell its own uncertainty, found {replicas}")
     names = tuple(dict.fromkeys(strategies)) if strategies else suitable_strategies(scene)
-    plan = _Plan(spp, replicas, max_replicas or MAX_REPLICA_FACTOR * replicas, tolerance, confidence)
+    allowed, reason = tolerance_for(scene) if tolerance is None else (tolerance, "")
+    plan = _Plan(spp, replicas, max_replicas or MAX_REPLICA_FACTOR * replicas, allowed, confidence)
     for name in names:
         check_strategy(scene, name)
     metrics.require_ssim_size(scene.height, scene.width)
@@ -95,7 +97,7 @@ def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1
     return StudyResult(
         scene=scene.name, description=describe(scene.path) if scene.path else "", scene_hash=scene.content_hash,
         exposure=scene.exposure, reference=reference, reference_kind=kind, strategies=tuple(results),
-        notes=scene.notes, provenance=_provenance(scene, plan, reference))
+        notes=(*scene.notes, *filter(None, [reason])), provenance=_provenance(scene, plan, reference))
 
 
 @dataclass(frozen=True)
@@ -170,7 +172,18 @@ def _study_strategy(scene: Scene, name: str, reference: Estimate, plan: _Plan, s
 
 
 def exhibited_strategies(scene: Scene) -> tuple[str, ...]:
-    """The strategies that a report shows: all that suit, and lobe-only sampling, as a warning, wherever a lobe is."""
+    """The strategies that a report shows: those that the scene names, else all that suit and, as a warning, lobe-only
+    sampling wherever a lobe is.
+
+    HarnessError where the scene names an unknown one.
+    """
+    for name in scene.strategies:
+        try:
+            check_strategy(scene, name)
+        except HarnessError as error:
+            raise HarnessError(f"{scene.path or scene.name}: integrator property 'strategies': {error}") from None
+    if scene.strategies:
+        return scene.strategies
     has_lobe = any(not is_black(shape.material.ks) for shape in scene.shapes)
     return tuple(name for name in STRATEGIES if check_strategy(scene, name).suits or has_lobe)
 

@@ -13,10 +13,12 @@ from harness import load_scene, study
 from harness.errors import HarnessError
 from harness.estimate import Batch, Estimate
 from harness.files import data_dir
-from harness.runs import render_estimate
+from harness.reference import ReferenceRenderer
+from harness.runs import render_estimate, tolerance_for
 from harness.scene import Scene
+from harness.scene.model import Displacement, Procedural
 from harness.store import Store, schedule
-from harness.studies import _Run, prefix_sizes, replicas_needed
+from harness.studies import _Run, exhibited_strategies, prefix_sizes, replicas_needed
 from tests.fakes import NoiseRenderer
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
@@ -125,3 +127,33 @@ class TestReplicasNeeded:
     def test_have_no_bound_when_the_reference_is_too_noisy(self) -> None:
         noisy = dataclasses.replace(self.exact, image_variance=np.full(4, 1.0))
         assert replicas_needed(self.pilot, noisy, 8, 0.002) > 10**6
+
+
+class TestWhatAReportShows:
+    """Strategies and tolerance, from the scene."""
+
+    def test_all_that_suit_and_the_lobe_as_a_warning(self, scene: Scene) -> None:
+        assert exhibited_strategies(scene) == ("uniform", "cosine", "phong", "lobes", "mixture")
+
+    def test_those_that_the_scene_file_names(self, tmp_path: Path) -> None:
+        """A property of the integrator, which neither the image nor Mitsuba sees."""
+        path = tmp_path / "named.xml"
+        text = SPHERES.read_text(encoding="utf-8")
+        path.write_text(text.replace('<integer name="max_depth" value="6"/>', '<integer name="max_depth" value="6"/>'
+                                     '<string name="strategies" value="mixture, cosine"/>'), encoding="utf-8")
+        named = load_scene(path, width=8, height=6)
+        assert exhibited_strategies(named) == ("mixture", "cosine")
+        assert named.content_hash == load_scene(SPHERES, width=8, height=6).content_hash
+        assert render_estimate(ReferenceRenderer(named), 2).mean.shape == (6, 8, 3)
+
+    def test_an_unknown_one_is_refused(self, scene: Scene) -> None:
+        with pytest.raises(HarnessError, match=r"spheres\.xml: integrator property 'strategies': unknown strategy 'mi'"):
+            exhibited_strategies(dataclasses.replace(scene, strategies=("mixture", "mi")))
+
+    def test_a_mesh_in_the_reference_widens_the_tolerance_and_says_so(self, scene: Scene) -> None:
+        fractal = Procedural("fractal", ((0.0,) * 3, (1.0,) * 3), 1, 2.0, 0.5, 1.0, 0.0, 0, scene.shapes[0].to_world)
+        bumpy = dataclasses.replace(scene.shapes[1], displacement=Displacement(fractal, 0.1))
+        assert tolerance_for(scene) == (0.002, "")
+        tolerance, reason = tolerance_for(dataclasses.replace(scene, shapes=(scene.shapes[0], bumpy)))
+        assert tolerance == 0.005
+        assert "0.5% instead of 0.2%" in reason

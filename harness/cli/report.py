@@ -113,6 +113,7 @@ def _studied(scene: Scene, profile: Profile) -> tuple[StudyResult, bool]:
     from harness.studies import exhibited_strategies, study
 
     key = {"scene": scene.content_hash, "name": scene.name, "exposure": scene.exposure, "notes": scene.notes,
+           "strategies": exhibited_strategies(scene),
            "description": describe(scene.path) if scene.path else "", "spp": profile.spp, "replicas": profile.replicas,
            "reference_spp": profile.reference_spp, "code": _code_hash(), **versions()}
     digest = hashlib.sha256(json_module.dumps(key, sort_keys=True).encode()).hexdigest()[:24]

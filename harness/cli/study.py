@@ -13,7 +13,6 @@ from harness.cli.options import (
     ConfidenceOption,
     SceneArgument,
     SizeOption,
-    ToleranceOption,
     not_finite,
     open_scene,
     open_store,
@@ -41,7 +40,9 @@ def study(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to keep the result in: study.json "
                                                 "and images.")] = None,
     size: SizeOption = None,
-    tolerance: ToleranceOption = 0.002,
+    tolerance: Annotated[float | None, typer.Option(
+        "--tolerance", min=1e-9, max=1.0, help="Bias, relative to the mean, that still counts as equivalent; 0.002 if "
+                                                "not given, 0.005 where the reference shows meshes.")] = None,
     confidence: ConfidenceOption = 0.95,
     cache: CacheOption = True,
     json: JsonOption = False,

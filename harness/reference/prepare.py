@@ -16,7 +16,7 @@ def instantiate(scene: Scene) -> Any:
     """The `mi.Scene` of `scene`'s file: box filter, float32 RGB film of the scene's size, independent sampler.
 
     The file is parsed again by Mitsuba's parser. The sensor's film and sampler are replaced, so nothing that the
-    harness adds to a film (`exposure`) reaches Mitsuba, and what it adds to shapes is expanded (see `expand_shapes`).
+    harness adds to a film or integrator reaches Mitsuba, and what it adds to shapes is expanded (see `expand_shapes`).
 
     Raises HarnessError when the scene has no file; SceneError when the scene is not what its file says (but for film
     size and depth), and when Mitsuba refuses it.
@@ -32,6 +32,8 @@ def instantiate(scene: Scene) -> Any:
     for node in state.nodes:
         if node.type == mi.ObjectType.Sensor:
             _equip(mi, node.props, scene)
+        elif node.type == mi.ObjectType.Integrator and "strategies" in node.props:
+            del node.props["strategies"]
     config = mi.parser.ParserConfig(REFERENCE_VARIANT)
     # Merging meshes of one BSDF refuses those whose flip_normals differ, which the scene format allows.
     config.merge_meshes = False

@@ -91,9 +91,9 @@ def speed_table(bench: Mapping[str, Any]) -> Table:
         raise StoreError(f"benchmark results: {type(error).__name__} at {error}; run the benchmark again") from error
     caption = (
         "Speed: millions of samples (paths) per second of CPU time, the GLSL tracer and what it is measured against in "
-        "turns in one run on the same cores. Medians over the rounds; of their ratio also the extremes. path: Mitsuba's "
-        "own path tracer, which samples light sources as well; bsdf_path: the tracer's algorithm as a Mitsuba "
-        "integrator; no lens, no motion: the tracer itself on the same scene without it. "
+        "turns in one run on the same cores. Medians over the rounds; of their ratio also the extremes. path: "
+        "Mitsuba's own path tracer, which samples light sources as well; bsdf_path: the tracer's algorithm as a "
+        "Mitsuba integrator; no lens, no motion: the tracer itself on the same scene without it. "
         "Elapsed: the ratio by wall clock. Equal error: the ratio of 1 / (variance × CPU time), how much sooner the "
         "tracer reaches the same error.")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Against"), Column("GLSL\nM/s", "right"),

@@ -32,7 +32,7 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
     notes: list[str] = []
     environment: RGB | EnvironmentMap | None = None
     sensor: Sensor | None = None
-    max_depth: int | None = None
+    integrator: tuple[int, tuple[str, ...]] | None = None
     for _, node in root.children():
         match node.kind:
             case "shape":
@@ -46,9 +46,9 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
                     raise node.error("a scene has one sensor; this is the second")
                 sensor = load_sensor(node, width, height, notes)
             case "integrator":
-                if max_depth is not None:
+                if integrator is not None:
                     raise node.error("a scene has one integrator; this is the second")
-                max_depth = _integrator(node)
+                integrator = _integrator(node)
             case "bsdf":
                 load_material(node)  # used by reference; checked here, so that an unused one is not silently wrong
             case "texture":
@@ -58,10 +58,11 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
     root.done([])
     if sensor is None:
         raise root.error("the scene has no <sensor>; add one of type 'perspective'")
-    if max_depth is None:
+    if integrator is None:
         raise root.error("the scene has no <integrator>; add one of type 'path' with 'max_depth'")
-    return Scene(tuple(shapes), environment or (0.0, 0.0, 0.0), sensor.camera, sensor.width, sensor.height, max_depth,
-                 exposure=sensor.exposure, name=path.stem, path=path.resolve(), notes=tuple(notes))
+    return Scene(tuple(shapes), environment or (0.0, 0.0, 0.0), sensor.camera, sensor.width, sensor.height,
+                 integrator[0], exposure=sensor.exposure, strategies=integrator[1], name=path.stem, path=path.resolve(),
+                 notes=tuple(notes))
 
 
 def describe(path: str | Path) -> str:
@@ -76,7 +77,8 @@ def describe(path: str | Path) -> str:
     return " ".join(found[1].split()) if found else ""
 
 
-def _integrator(node: Node) -> int:
+def _integrator(node: Node) -> tuple[int, tuple[str, ...]]:
+    """`max_depth`, and the strategies that a report is to show."""
     if node.plugin != "path":
         raise node.refuse(["path"])
     max_depth = node.integer("max_depth", -1)
@@ -86,5 +88,6 @@ def _integrator(node: Node) -> int:
     if node.boolean("hide_emitters", False):
         raise node.error("'hide_emitters' must be false; supported: max_depth, rr_depth")
     node.ignore("rr_depth")  # Russian roulette is off in both renderers; it changes the noise, not the mean
-    node.done(["max_depth", "rr_depth"])
-    return max_depth
+    strategies = tuple(name.strip() for name in node.string("strategies", "").split(",") if name.strip())
+    node.done(["max_depth", "rr_depth", "strategies"])
+    return max_depth, strategies

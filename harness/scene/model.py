@@ -183,10 +183,11 @@ class EnvironmentMap:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything an image depends on, and nothing else, but for the last three fields, which `content_hash` leaves out.
+    """Everything an image depends on, and nothing else, but for the fields after `max_depth`, which do not count.
 
     `max_depth` counts as Mitsuba's `path` integrator does: emission seen directly is depth 1, so N allows
-    N-1 scatterings. `exposure` (in stops) is the fixed exposure at which display metrics see this scene.
+    N-1 scatterings. `exposure` (in stops) is the fixed exposure at which display metrics see this scene. `strategies`
+    are those with which a report studies it, all that suit where none are named.
     """
 
     shapes: tuple[Shape, ...]
@@ -196,6 +197,7 @@ class Scene:
     height: int
     max_depth: int
     exposure: float = 0.0
+    strategies: tuple[str, ...] = ()
     name: str = ""
     path: Path | None = None
     notes: tuple[str, ...] = ()
@@ -204,7 +206,7 @@ class Scene:
     def content_hash(self) -> str:
         """16 hexadecimal digits that change exactly when the image may change (names and notes do not count)."""
         content = dataclasses.asdict(self)
-        for field in ("notes", "exposure"):
+        for field in ("exposure", "strategies", "notes"):
             del content[field]
         return hashlib.sha256(json.dumps(_without_names(content), sort_keys=True).encode()).hexdigest()[:16]
 
