@@ -60,6 +60,35 @@ float hit_cube(vec3 o, vec3 d, vec4 row_x, vec4 row_y, vec4 row_z)
     return entry <= exit && t > 0.0 ? t : NO_HIT;
 }
 
+// The open cylinder of radius 1 about the object-space z axis, from z = 0 to 1. As for the sphere, the discriminant is
+// taken from the line's distance from the axis, in the plane z = 0, which does not cancel where the ray starts far off.
+float hit_cylinder(vec3 o, vec3 d, vec4 row_x, vec4 row_y, vec4 row_z)
+{
+    vec2 origin = vec2(dot(row_x.xyz, o) + row_x.w, dot(row_y.xyz, o) + row_y.w);
+    vec2 direction = vec2(dot(row_x.xyz, d), dot(row_y.xyz, d));
+    float height = dot(row_z.xyz, o) + row_z.w;
+    float rise = dot(row_z.xyz, d);
+    // A ray along the axis misses: with the bound its roots are 0 or far away, and not a quotient of zeros.
+    float inverse = 1.0 / max(dot(direction, direction), 1e-30);
+    float moment = origin.x * direction.y - origin.y * direction.x;
+    float discriminant = dot(direction, direction) - moment * moment;
+    float middle = -dot(origin, direction) * inverse;
+    float half_chord = sqrt(max(discriminant, 0.0)) * inverse;
+    float near = middle - half_chord;
+    float far = middle + half_chord;
+    // |2 z - 1| <= 1 is 0 <= z <= 1 in one comparison.
+    bool near_hit = near > 0.0 && abs(2.0 * (height + near * rise) - 1.0) <= 1.0;
+    bool far_hit = far > 0.0 && abs(2.0 * (height + far * rise) - 1.0) <= 1.0;
+    float t = near_hit ? near : far;
+    return discriminant >= 0.0 && (near_hit || far_hit) ? t : NO_HIT;
+}
+
+// The outward unit normal at p of the cylinder x² + y² = 1: the gradient of its left side.
+vec3 cylinder_normal(vec3 p, vec4 row_x, vec4 row_y)
+{
+    return normalize((dot(row_x.xyz, p) + row_x.w) * row_x.xyz + (dot(row_y.xyz, p) + row_y.w) * row_y.xyz);
+}
+
 // The face of [-1,1]³ that p lies on, as its outward object-space normal. One axis is picked on edge ties, since
 // the sum of two would not be a unit vector.
 vec3 cube_face(vec3 p, vec4 row_x, vec4 row_y, vec4 row_z)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.scene.model import Shape
+from harness.scene.model import Shape, ShapeKind
 from harness.tracer.literals import function, in_comment, number, rows, vector
 
 
@@ -34,31 +34,38 @@ def intersect_function(shapes: Sequence[Shape]) -> list[str]:
 
 def normal_function(shapes: Sequence[Shape]) -> list[str]:
     """`surface_normal`: the outward unit normal of shape `id` at p."""
-    lines = ["// The outward unit normal of shape `id` at p.", "vec3 surface_normal(int id, vec3 p)", "{",
-             "    vec3 n = vec3(0.0, 0.0, 1.0);"]
-    spheres = [(i, s) for i, s in enumerate(shapes) if s.kind == "sphere"]
+    body = ["vec3 n = vec3(0.0, 0.0, 1.0);"]
+    spheres = _of_kind(shapes, "sphere")
     if spheres:
-        lines.append("    vec4 sphere = vec4(0.0, 0.0, 0.0, 1.0);  // centre, and 1 / radius with the side's sign")
+        body.append("vec4 sphere = vec4(0.0, 0.0, 0.0, 1.0);  // centre, and 1 / radius with the side's sign")
         for index, shape in spheres:
             center, radius = _sphere(shape)
             value = vector((*center, (-1 if shape.flip_normals else 1) / radius))
-            lines.append(f"    if (id == {index}) sphere = {value};")
-        lines.append("    n = (p - sphere.xyz) * sphere.w;")
+            body.append(f"if (id == {index}) sphere = {value};")
+        body.append("n = (p - sphere.xyz) * sphere.w;")
     for index, shape in enumerate(shapes):
         if shape.kind in ("rectangle", "disk"):
-            lines.append(f"    if (id == {index}) n = {vector(geometric_normal(shape))};")
+            body.append(f"if (id == {index}) n = {vector(geometric_normal(shape))};")
         elif shape.kind == "cube":
             columns = np.linalg.inv(shape.matrix)[:3, :3].T * (-1 if shape.flip_normals else 1)
             columns = columns / np.linalg.norm(columns, axis=0)
             matrix = f"mat3({', '.join(vector(columns[:, j]) for j in range(3))})"
-            lines.append(f"    if (id == {index}) n = {matrix} * cube_face(p, {_placement(shape)});")
-    return [*lines, "    return n;", "}", ""]
+            body.append(f"if (id == {index}) n = {matrix} * cube_face(p, {_placement(shape)});")
+    for index, shape in _of_kind(shapes, "cylinder"):
+        row_x, row_y = (vector(row) for row in np.linalg.inv(shape.matrix)[:2])
+        body.append(f"if (id == {index}) n = {'-' * shape.flip_normals}cylinder_normal(p, {row_x}, {row_y});")
+    comment = "// The outward unit normal of shape `id` at p."
+    return [comment, *function("vec3 surface_normal(int id, vec3 p)", [*body, "return n;"])]
 
 
 def uv_function(shapes: Sequence[Shape], *, needed: bool) -> list[str]:
     """`surface_uv`: Mitsuba's surface coordinates of p on shape `id`; zero where no texture looks at them."""
     assert not needed
     return function("vec2 surface_uv(int id, vec3 p)", ["return vec2(0.0);"])
+
+
+def _of_kind(shapes: Sequence[Shape], kind: ShapeKind) -> list[tuple[int, Shape]]:
+    return [(index, shape) for index, shape in enumerate(shapes) if shape.kind == kind]
 
 
 def _placement(shape: Shape) -> str:
