@@ -21,7 +21,7 @@ const uint NOISE_OCTAVE = 0x9e3779b9u;  // from the seed of one octave to that o
 vec4 lattice_values(uvec4 state)
 {
     uvec4 word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
-    return vec4(ivec4(word >> 8u));
+    return vec4(word >> 8u);
 }
 
 // Values at the corners of the cell of `corner` in steps of 2^-24: lower z, then upper; x runs first, then y.
@@ -80,7 +80,8 @@ vec4 value_noise_gradient(vec3 p, uint seed)
 }
 
 // Fractal noise, Σ gain^i noise(lacunarity^i p) / Σ gain^i over i < octaves, each octave with a seed of its own; within
-// [0, 1]. Literals for all but p let compilers unroll the loop.
+// [0, 1]. Mesa unrolls the loop for literal octaves up to about 5; beyond, they count among the iterations of which
+// llvmpipe allows 65,535 (see MAX_ITERATIONS in harness/tracer/renderer.py), as they do where octaves vary.
 float fbm(vec3 p, int octaves, float lacunarity, float gain, uint seed)
 {
     float sum = 0.0, weights = 0.0, weight = 1.0;

@@ -1,10 +1,29 @@
-"""Procedural textures for Mitsuba 3."""
+"""The textures `fractal`, `marble` and `wood` for Mitsuba 3; their formulas are those of `harness.scene.procedural`.
+
+Parameters, as in a scene file: `color0`, `color1`, … (colours or numbers), `octaves`, `lacunarity`, `gain`,
+`frequency`, `distortion` (not of `fractal`), `seed`, `to_texture`; and `to_object`, from world to the shape's canonical
+object space, which `harness.reference.expand` gives to each shape's own copy of a texture.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from harness.scene.model import RGB, Procedural, as_matrix
 from harness.scene.noise import Arithmetic
+from harness.scene.procedural import (
+    DEFAULT_COLORS,
+    DEFAULT_DISTORTION,
+    DEFAULT_FREQUENCY,
+    DEFAULT_GAIN,
+    DEFAULT_LACUNARITY,
+    DEFAULT_OCTAVES,
+    evaluate,
+    ramp,
+    transformed,
+)
 
 
 def arithmetic(mi: Any) -> Arithmetic:
@@ -12,4 +31,73 @@ def arithmetic(mi: Any) -> Arithmetic:
     import drjit as dr
 
     # By way of Int32: a negative float has no unsigned counterpart.
-    return Arithmetic(dr.floor, lambda x: mi.UInt32(mi.Int32(x)), lambda x: mi.Float(mi.Int32(x)))
+    return Arithmetic(dr.floor, dr.sqrt, dr.select, lambda x: mi.UInt32(mi.Int32(x)), lambda x: mi.Float(mi.Int32(x)))
+
+
+def read(props: Any) -> Procedural:
+    """A texture's Mitsuba properties; `to_texture` includes `to_object`, so it takes points of world space."""
+    kind: Any = props.plugin_name()
+    return Procedural(
+        kind, _colors(props),
+        octaves=props.get("octaves", DEFAULT_OCTAVES),
+        lacunarity=props.get("lacunarity", DEFAULT_LACUNARITY),
+        gain=props.get("gain", DEFAULT_GAIN),
+        frequency=props.get("frequency", DEFAULT_FREQUENCY[kind]),
+        distortion=props.get("distortion", DEFAULT_DISTORTION[kind]) if kind in DEFAULT_DISTORTION else 0.0,
+        seed=props.get("seed", 0),
+        to_texture=as_matrix(_matrix(props, "to_texture") @ _matrix(props, "to_object")))
+
+
+def _matrix(props: Any, name: str) -> np.ndarray:
+    value = props.get(name)
+    return np.eye(4) if value is None else np.array(value.matrix, dtype=np.float64)
+
+
+def _colors(props: Any) -> tuple[RGB, ...]:
+    values: list[Any] = [props.get(f"color{index}", default) for index, default in enumerate(DEFAULT_COLORS)]
+    while (name := f"color{len(values)}") in props:
+        values.append(props[name])
+    colors = (np.broadcast_to(np.ravel(np.array(value, dtype=np.float64)), 3) for value in values)
+    return tuple((float(r), float(g), float(b)) for r, g, b in colors)
+
+
+def plugin_class(mi: Any) -> type:
+    """The plugin's class for the current variant; a class inside a function because its base changes with that."""
+    import drjit as dr
+
+    class ProceduralTexture(mi.Texture):
+        def __init__(self, props: Any) -> None:
+            super().__init__(props)
+            self.texture = read(props)
+            self.arithmetic = arithmetic(mi)
+
+        def _channels(self, si: Any, active: Any) -> Any:
+            p = transformed(self.texture.to_texture, (si.p.x, si.p.y, si.p.z))
+            t, _ = evaluate(self.arithmetic, self.texture, p)
+            channels = zip(*self.texture.colors, strict=True)
+            return dr.select(active, mi.Color3f(*(ramp(self.arithmetic, t, stops)[0] for stops in channels)), 0)
+
+        def eval(self, si: Any, active: Any = True) -> Any:
+            return self._channels(si, active)
+
+        def eval_3(self, si: Any, active: Any = True) -> Any:
+            return self._channels(si, active)
+
+        def eval_1(self, si: Any, active: Any = True) -> Any:
+            return mi.luminance(self._channels(si, active))
+
+        def mean(self) -> Any:
+            return mi.Float(float(np.mean(self.texture.colors)))
+
+        def max(self) -> float:
+            return float(np.max(self.texture.colors))
+
+        def is_spatially_varying(self) -> bool:
+            # What Mitsuba asks by this is whether a light's texture must be sampled through the shape's (u, v), which
+            # it can do for few shapes, and not for textures of space: it samples the shape instead.
+            return False
+
+        def to_string(self) -> str:
+            return f"{self.texture}"
+
+    return ProceduralTexture

@@ -15,7 +15,7 @@ from harness.errors import HarnessError
 from harness.estimate import Batch
 from harness.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
 from harness.reference.prepare import instantiate
-from harness.scene import Scene
+from harness.scene import Scene, noise, procedural
 
 INTEGRATORS = ("path", "bsdf_path")
 
@@ -131,8 +131,8 @@ def _check_range(replica: int, start: int, count: int) -> None:
 
 
 def _source_hash() -> str:
-    """16 hexadecimal digits over this package's code: what is rendered, and how, is decided there."""
+    """16 hexadecimal digits over the code that decides what is rendered: this package, and the noise of textures."""
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    for source in [*sorted(Path(__file__).parent.glob("*.py")), Path(noise.__file__), Path(procedural.__file__)]:
         digest.update(source.read_bytes())
     return digest.hexdigest()[:16]

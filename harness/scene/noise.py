@@ -37,11 +37,14 @@ class Arithmetic:
     """What the formulas need of a kind of array beyond operators."""
 
     floor: Callable[[Any], Any]
+    sqrt: Callable[[Any], Any]
+    select: Callable[[Any, Any, Any], Any]  # condition, then, else
     to_uint: Callable[[Any], Any]  # whole numbers, negative ones too, modulo 2³² as unsigned 32-bit integers
     to_float: Callable[[Any], Any]  # whole numbers up to 2²⁴
 
 
-NUMPY = Arithmetic(np.floor, lambda x: np.asarray(x).astype(np.int64).astype(np.uint32), lambda x: x.astype(np.float64))
+NUMPY = Arithmetic(np.floor, np.sqrt, np.where, lambda x: x.astype(np.int64).astype(np.uint32),
+                   lambda x: x.astype(np.float64))
 
 
 def value_noise(arithmetic: Arithmetic, p: Triple, seed: int) -> tuple[Any, Triple]:

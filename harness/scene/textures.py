@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from harness.scene.model import Texture, Varying
 from harness.scene.nodes import Node
+from harness.scene.procedural import KINDS, load_procedural
 
-TEXTURES = ("bitmap", "checkerboard", "fractal", "marble", "wood")
+TEXTURES = ("bitmap", "checkerboard", *KINDS)
 
 
 def load_texture(node: Node, name: str, default: float, *, emission: bool = False) -> Texture:
@@ -25,4 +26,6 @@ def load_scalar(node: Node, name: str, default: float) -> float | Varying:
 
 def load_varying(node: Node) -> Varying:
     """A texture plugin."""
+    if node.plugin in KINDS:
+        return load_procedural(node)
     raise node.refuse(TEXTURES)
