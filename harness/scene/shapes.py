@@ -80,8 +80,8 @@ def _cylinder(node: Node, matrix: np.ndarray, *, emits: bool) -> np.ndarray:
     upright, and one that is mirrored as if its normals pointed the other way.
     """
     # In float32, as Mitsuba: the axis of points far from the origin hangs on their rounding.
-    start, end = (np.float32(node.point(name, default)).astype(np.float64)
-                  for name, default in (("p0", (0.0, 0.0, 0.0)), ("p1", (0.0, 0.0, 1.0))))
+    start = node.point("p0", (0.0, 0.0, 0.0)).astype(np.float32).astype(np.float64)
+    end = node.point("p1", (0.0, 0.0, 1.0)).astype(np.float32).astype(np.float64)
     radius = _radius(node)
     length = float(np.linalg.norm(end - start))
     if length == 0:
