@@ -55,6 +55,9 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
             vec3 p = o + t * d;
             vec3 n = surface_normal(id, p);
             vec2 uv = surface_uv(id, p);
+#if HAS_PROCEDURAL
+            evaluate_procedural(id, p);
+#endif
             float facing = -dot(n, d);
 #if HAS_EMISSION
             if (facing > 0.0)

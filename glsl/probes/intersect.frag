@@ -19,6 +19,9 @@ void main()
     vec3 n = id < 0 ? vec3(0.0) : surface_normal(id, p);
     output0 = vec4(n, t);
     output1 = vec4(vec3(0.0), float(id));
+#if HAS_PROCEDURAL
+    evaluate_procedural(id, p);
+#endif
 #if HAS_EMISSION
     if (dot(n, d) < 0.0)
         output1.rgb = emission(id, p, surface_uv(id, p));

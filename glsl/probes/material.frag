@@ -14,6 +14,9 @@ void main()
     vec4 at = texelFetch(input0, ivec2(gl_FragCoord.xy), 0);
     int id = int(at.w);
     vec2 uv = surface_uv(id, at.xyz);
+#if HAS_PROCEDURAL
+    evaluate_procedural(id, at.xyz);
+#endif
     Material m = material(id, at.xyz, uv);
     output0 = vec4(m.kd, m.alpha);
     output1 = vec4(m.ks, m.p_glossy);

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from harness.scene.model import Material, Shape, Texture, Varying, is_black, peak
 from harness.tracer.literals import function, number, selected, vector
+from harness.tracer.procedural import lanes
 from harness.tracer.textures import Target, assignments
 
 BLACK = "vec3(0.0)"
@@ -28,6 +29,7 @@ def switches(shapes: Sequence[Shape]) -> dict[str, int]:
         "HAS_GLOSSY": int(any(not is_black(m.ks) for m in materials)),
         "HAS_EMISSION": int(any(shape.emission for shape in shapes)),
         "HAS_TWO_SIDED": int(any(m.two_sided for m in materials)),
+        "HAS_PROCEDURAL": int(bool(lanes(shapes))),
     }
 
 
