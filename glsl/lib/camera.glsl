@@ -1,6 +1,7 @@
-// Mitsuba's perspective camera: +z forward, +x left, +y up in camera space. The generated scene defines
+// Mitsuba's perspective camera and its thin lens: +z forward, +x left, +y up in camera space. The generated scene defines
 // CAMERA_ORIGIN, CAMERA_LEFT, CAMERA_UP, CAMERA_FORWARD, CAMERA_TAN (half extents at distance 1),
-// CAMERA_OFFSET (principal point), CAMERA_NEAR and CAMERA_FAR (planes at those depths).
+// CAMERA_OFFSET (principal point), CAMERA_NEAR and CAMERA_FAR (planes at those depths); and where HAS_LENS is 1,
+// CAMERA_APERTURE (radius of the lens) and CAMERA_FOCUS (depth of the plane that is sharp).
 #ifndef LIB_CAMERA
 #define LIB_CAMERA
 
@@ -15,5 +16,32 @@ void camera_ray(vec2 film, out vec3 o, out vec3 d, out float reach)
     o = CAMERA_ORIGIN + (CAMERA_NEAR * slant) * d;
     reach = (CAMERA_FAR - CAMERA_NEAR) * slant;
 }
+
+#if HAS_LENS
+// Uniform on the unit disk, concentric squares to circles: Shirley & Chiu 1997, "A Low Distortion Map Between Disk and
+// Square", JGT 2(3), in the form that Mitsuba has it in, so that equal numbers give equal points.
+vec2 sample_disk(vec2 u)
+{
+    vec2 square = 2.0 * u - 1.0;
+    bool steep = abs(square.x) < abs(square.y);
+    vec2 folded = steep ? square.yx : square;
+    float phi = folded.x != 0.0 ? 0.785398163397448 * folded.y / folded.x : 0.0;  // at most π/4 either way
+    vec2 p = folded.x * vec2(cos(phi), sin(phi));
+    return steep ? p.yx : p;
+}
+
+// The ray that leaves a point of the lens, which `u` in [0,1)² picks, and meets the pinhole's ray through `film` in the
+// plane of focus; from the near plane to the far plane, as above.
+void lens_ray(vec2 film, vec2 u, out vec3 o, out vec3 d, out float reach)
+{
+    vec2 lens = CAMERA_APERTURE * sample_disk(u);
+    vec2 plane = vec2(1.0 - 2.0 * film.x, 2.0 * film.y - 1.0) * CAMERA_TAN - (1.0 / CAMERA_FOCUS) * lens;
+    d = plane.x * CAMERA_LEFT + plane.y * CAMERA_UP + CAMERA_FORWARD;
+    float slant = length(d);
+    d *= 1.0 / slant;
+    o = CAMERA_ORIGIN + lens.x * CAMERA_LEFT + lens.y * CAMERA_UP + (CAMERA_NEAR * slant) * d;
+    reach = (CAMERA_FAR - CAMERA_NEAR) * slant;
+}
+#endif
 
 #endif

@@ -40,7 +40,14 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
     for (int i = 0; i < samples * MAX_DEPTH; ++i) {
         if (vertex == 0) {
             seed_sample(stream, first + uint(finished));
+#if HAS_LENS
+            lens_ray((vec2(pixel) + vec2(rand(), rand())) * pixel_size, vec2(rand(), rand()), o, d, reach);
+#else
             camera_ray((vec2(pixel) + vec2(rand(), rand())) * pixel_size, o, d, reach);
+#endif
+#if HAS_MOTION
+            set_time(rand());
+#endif
             radiance = vec3(0.0);
             throughput = vec3(1.0);
         }
@@ -53,15 +60,22 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
             radiance += throughput * environment(d);
         } else {
             vec3 p = o + t * d;
-            vec3 n = surface_normal(id, p);
-            vec2 uv = surface_uv(id, p);
+            vec3 rest = p;  // where p is on the shape at rest: normals and textures are those of that place
+#if HAS_MOTION
+            rest = to_rest(id, p);
+#endif
+            vec3 n = surface_normal(id, rest);
+            vec2 uv = surface_uv(id, rest);
+#if HAS_MOTION
+            n = from_rest(id, n);
+#endif
 #if HAS_PROCEDURAL
-            evaluate_procedural(id, p);
+            evaluate_procedural(id, rest);
 #endif
             float facing = -dot(n, d);
 #if HAS_EMISSION
             if (facing > 0.0)
-                radiance += throughput * emission(id, p, uv);
+                radiance += throughput * emission(id, rest, uv);
 #endif
 #if HAS_TWO_SIDED
             if (facing < 0.0 && is_two_sided(id)) {
@@ -71,7 +85,7 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
 #endif
             if (facing > 0.0 && vertex < MAX_DEPTH) {
                 vec3 l;
-                throughput *= sample_phong(material(id, p, uv), n, -d, l);
+                throughput *= sample_phong(material(id, rest, uv), n, -d, l);
                 o = offset_origin(p, n);
                 d = l;
                 reach = NO_HIT;

@@ -24,9 +24,10 @@ DEFAULT_FILM = (768, 576)
 DEFAULT_FOCAL_LENGTH = "50mm"
 DEFAULT_FILTER = "gaussian"
 
-PINHOLE = ("to_world", "fov", "fov_axis", "focal_length", "near_clip", "far_clip", "principal_point_offset_x",
-           "principal_point_offset_y", "shutter_open", "shutter_close")
-LENS = ("aperture_radius", "focus_distance")
+COMMON = ("to_world", "fov", "fov_axis", "focal_length", "near_clip", "far_clip", "shutter_open", "shutter_close")
+# What each sensor takes besides: Mitsuba's thin lens has no principal point.
+PARAMETERS = {"perspective": ("principal_point_offset_x", "principal_point_offset_y"),
+              "thinlens": ("aperture_radius", "focus_distance")}
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,8 @@ class Sensor:
 
 def load_sensor(node: Node, width: int | None, height: int | None, notes: list[str]) -> Sensor:
     """A `perspective` or `thinlens` sensor; `width` and `height` override the film's, `notes` gathers what differs."""
-    if node.plugin not in ("perspective", "thinlens"):
-        raise node.refuse(["perspective", "thinlens"])
+    if node.plugin not in PARAMETERS:
+        raise node.refuse(PARAMETERS)
     film_size, exposure = DEFAULT_FILM, 0.0
     seen: set[str] = set()
     for _, child in node.children():
@@ -71,24 +72,27 @@ def load_sensor(node: Node, width: int | None, height: int | None, notes: list[s
         raise node.error(f"clip distances must satisfy 0 < near_clip < far_clip, found {near:g} and {far:g}")
     aspect = film_size[0] / film_size[1]
     tan_x = _tan_half_fov_x(node, aspect)
-    # Mitsuba measures the principal point in film fractions, positive to the left and upwards in the image, which
-    # moves the rays through the film the other way: to the right (our -x) and downwards (our -y).
-    offset = (-2 * tan_x * node.number("principal_point_offset_x", 0.0),
-              -2 * tan_x / aspect * node.number("principal_point_offset_y", 0.0))
-    aperture, focus = _lens(node, far)
+    offset, aperture, focus = (0.0, 0.0), 0.0, 1.0
+    if node.plugin == "perspective":
+        # Mitsuba measures the principal point in film fractions, positive to the left and upwards in the image, which
+        # moves the rays through the film the other way: to the right (our -x) and downwards (our -y).
+        offset = (-2 * tan_x * node.number("principal_point_offset_x", 0.0),
+                  -2 * tan_x / aspect * node.number("principal_point_offset_y", 0.0))
+    else:
+        aperture, focus = _lens(node, far, notes)
     shutter = _shutter(node)
-    node.done((*PINHOLE, *LENS) if node.plugin == "thinlens" else PINHOLE)
+    node.done((*COMMON, *PARAMETERS[node.plugin]))
     camera = Camera(as_matrix(matrix), tan_x, tan_x / aspect, near, far, offset, aperture, focus, shutter)
     return Sensor(camera, *film_size, exposure)
 
 
-def _lens(node: Node, far_clip: float) -> tuple[float, float]:
-    """Aperture radius and focus distance, with Mitsuba's defaults; those of a pinhole for `perspective`."""
-    if node.plugin != "thinlens":
-        return 0.0, 1.0
+def _lens(node: Node, far_clip: float, notes: list[str]) -> tuple[float, float]:
+    """Aperture radius and focus distance, with Mitsuba's defaults."""
     aperture = node.number("aperture_radius")
-    if aperture <= 0:
-        raise node.error(f"'aperture_radius' must be positive, found {aperture:g}; a pinhole is type 'perspective'")
+    if aperture < 0:
+        raise node.error(f"'aperture_radius' must not be negative, found {aperture:g}")
+    if aperture == 0:  # Mitsuba puts 6e-8 for it
+        notes.append("aperture_radius 0: a pinhole in both renderers")
     focus = node.number("focus_distance", far_clip)
     if focus <= 0:
         raise node.error(f"'focus_distance' must be positive, found {focus:g}")

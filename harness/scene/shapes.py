@@ -6,10 +6,11 @@ import numpy as np
 
 from harness.scene.materials import load_material
 from harness.scene.model import Material, Shape, ShapeKind, Texture, as_matrix
+from harness.scene.motion import load_motion
 from harness.scene.nodes import FLOAT32_MAX, Node
 from harness.scene.textures import load_texture
 
-# What each shape takes besides `to_world` and `flip_normals`.
+# What each shape takes besides `to_world`, `flip_normals` and `motion`.
 PARAMETERS: dict[ShapeKind, tuple[str, ...]] = {
     "sphere": ("center", "radius"), "rectangle": (), "disk": (), "cube": (), "cylinder": ("p0", "p1", "radius"),
 }
@@ -30,9 +31,10 @@ def load_shape(node: Node) -> Shape:
         matrix, flip = _sphere(node, matrix, flip)
     elif kind == "cylinder":
         matrix = _cylinder(node, matrix, emits=emission is not None)
-    node.done((*PARAMETERS[kind], "to_world", "flip_normals"))
+    motion = load_motion(node)
+    node.done((*PARAMETERS[kind], "to_world", "flip_normals", "motion"))
     _refuse_extremes(node, matrix)
-    return Shape(kind, as_matrix(matrix), material, emission, flip, name=node.name)
+    return Shape(kind, as_matrix(matrix), material, emission, flip, motion, name=node.name)
 
 
 def _surface(node: Node) -> tuple[Material, Texture | None]:

@@ -1,16 +1,19 @@
 """From a `Scene` to the GLSL chunk `scene.glsl`: the scene as literals, the fastest form measured.
 
 The chunk defines what `lib/path.glsl` and `lib/camera.glsl` expect: MAX_DEPTH, the HAS_… switches, the camera's
-constants, and intersect_scene, surface_normal, surface_uv, material, emission, is_two_sided and environment.
+constants, and intersect_scene, surface_normal, surface_uv, material, emission, is_two_sided and environment; where
+something moves, set_time, to_rest and from_rest too.
 """
 
 from __future__ import annotations
 
 from harness.scene.model import Scene
+from harness.scene.motion import settled
 from harness.tracer.environment import environment_function
 from harness.tracer.geometry import intersect_function, normal_function, uv_function
 from harness.tracer.literals import in_comment, number, vector
 from harness.tracer.materials import emission_function, material_function, switches, two_sided_function
+from harness.tracer.motion import Motions
 from harness.tracer.textures import declarations, needs_uv
 
 STRATEGIES = ("uniform", "cosine", "phong", "lobes", "mixture")
@@ -18,8 +21,11 @@ STRATEGIES = ("uniform", "cosine", "phong", "lobes", "mixture")
 
 def scene_chunk(scene: Scene, strategy: str) -> str:
     """The text of `scene.glsl` for one scene and strategy; ends in a newline."""
+    scene = settled(scene)
     shapes = scene.shapes
-    has = switches(shapes)
+    motions = Motions.of(scene)
+    has = {**switches(shapes), "HAS_LENS": int(scene.camera.aperture_radius > 0),
+           "HAS_MOTION": int(bool(motions.shapes))}
     defines = {"STRATEGY": f"STRATEGY_{strategy.upper()}", "MAX_DEPTH": scene.max_depth, **has}
     parts = [
         f"// Generated from the scene '{in_comment(scene.name)}' for the strategy '{strategy}'.",
@@ -29,7 +35,8 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
         "",
         *_camera(scene),
         *declarations(scene),
-        *intersect_function(shapes),
+        *motions.declarations(),
+        *intersect_function(shapes, motions),
         *normal_function(shapes),
         *uv_function(shapes, needed=needs_uv(scene)),
         *material_function(shapes),
@@ -55,4 +62,7 @@ def _camera(scene: Scene) -> list[str]:
         "CAMERA_NEAR": ("float", number(camera.near_clip)),
         "CAMERA_FAR": ("float", number(camera.far_clip)),
     }
+    if camera.aperture_radius > 0:
+        constants["CAMERA_APERTURE"] = "float", number(camera.aperture_radius)
+        constants["CAMERA_FOCUS"] = "float", number(camera.focus_distance)
     return [*(f"const {kind} {name} = {value};" for name, (kind, value) in constants.items()), ""]

@@ -8,6 +8,7 @@ import numpy as np
 
 from harness.scene.model import Shape, ShapeKind
 from harness.tracer.literals import function, in_comment, number, rows, vector
+from harness.tracer.motion import Motions
 
 
 def geometric_normal(shape: Shape) -> np.ndarray:
@@ -16,7 +17,7 @@ def geometric_normal(shape: Shape) -> np.ndarray:
     return normal / np.linalg.norm(normal) * (-1 if shape.flip_normals else 1)
 
 
-def intersect_function(shapes: Sequence[Shape]) -> list[str]:
+def intersect_function(shapes: Sequence[Shape], motions: Motions) -> list[str]:
     """`intersect_scene`: the distance to the nearest hit within `reach`, and the shape that it is on."""
     lines = [
         "float intersect_scene(vec3 o, vec3 d, float reach, out int id)",
@@ -24,10 +25,11 @@ def intersect_function(shapes: Sequence[Shape]) -> list[str]:
         "    float t = reach;",
         "    float s;",
         "    id = -1;",
+        *(f"    {line}" for line in motions.rays()),
     ]
     for index, shape in enumerate(shapes):
         note = f"  // {in_comment(shape.name)}" if shape.name else ""
-        lines.append(f"    s = hit_{shape.kind}(o, d, {_placement(shape)});{note}")
+        lines.append(f"    s = hit_{shape.kind}({motions.ray(index)}, {_placement(shape)});{note}")
         lines.append(f"    if (s < t) {{ t = s; id = {index}; }}")
     return [*lines, "    return t;", "}", ""]
 
