@@ -12,12 +12,16 @@ from harness.tracer.codegen import scene_chunk
 from harness.tracer.probes import evaluate
 
 NO_HIT = 1e30  # lib/shapes.glsl
+KINDS = ["sphere", "rectangle", "disk", "cube", "cylinder"]
 RAYS = 6000
 # Twice the float32 spacing at the largest coordinates in play (8): what a distance along a ray may be off by,
 # measured at right angles to the surface, where grazing incidence does not magnify it.
 DISTANCE_TOLERANCE = 2e-6
 SMALLEST_RADIUS = 0.3
 NORMAL_TOLERANCE = DISTANCE_TOLERANCE / SMALLEST_RADIUS
+# What Mitsuba's cylinder is off by against float64: it solves the quadratic equation as it stands, which cancels.
+MITSUBA_CYLINDER_ERROR = 2e-5
+SHARPEST_CYLINDER = 0.1  # least radius of curvature of those that are not round
 # Rays whose fate changes within this distance are decided by rounding, in either renderer.
 MARGIN = 3e-4
 
@@ -49,17 +53,27 @@ def rotation(rng: np.random.Generator) -> np.ndarray:
     return q * np.linalg.det(q)
 
 
-def random_transform(rng: np.random.Generator, kind: str) -> np.ndarray:
-    """Any (4, 4) that Mitsuba accepts for the shape, mirrored half the time."""
+def random_transform(rng: np.random.Generator, kind: str, *, emits: bool) -> np.ndarray:
+    """Any (4, 4) that Mitsuba renders rightly for the shape; mirrored half the time, uneven and leaning if allowed."""
     linear = rotation(rng) * rng.uniform(SMALLEST_RADIUS, 1.5)
-    if kind == "disk":  # circular in its plane; its z axis may lean and stretch
-        linear[:, 2] = linear[:, 2] * rng.uniform(0.3, 3) + 0.5 * linear[:, :2] @ rng.normal(size=2)
-    elif kind != "sphere":
+    lit_cylinder = kind == "cylinder" and emits
+    if kind != "sphere" and not lit_cylinder:
         linear = linear @ np.diag(rng.uniform(0.4, 1.6, 3)) @ rotation(rng)
     matrix = np.eye(4)
-    matrix[:3, :3] = linear * rng.choice([-1, 1], size=3)  # mirrors world axes
+    matrix[:3, :3] = linear if lit_cylinder else linear * rng.choice([-1, 1], size=3)  # mirrors world axes
     matrix[:3, 3] = rng.uniform(-1.5, 1.5, 3)
     return matrix
+
+
+def random_shape(rng: np.random.Generator, kind: str, name: str, *, flip: bool, emits: bool) -> str:
+    """A shape under a random transform; a cylinder has random ends as well, in the unit cube."""
+    matrix = random_transform(rng, kind, emits=emits)
+    extra = ""
+    if kind == "cylinder":
+        (x0, y0, z0), (x1, y1, z1) = rng.uniform(-1, 1, (2, 3))
+        extra = (f'<point name="p0" x="{x0}" y="{y0}" z="{z0}"/><point name="p1" x="{x1}" y="{y1}" z="{z1}"/>'
+                 f'<float name="radius" value="{rng.uniform(0.6, 1)}"/>')
+    return shape_xml(kind, name, matrix, flip=flip, emits=emits, extra=extra)
 
 
 def shape_xml(kind: str, name: str, matrix: np.ndarray, *, flip: bool, emits: bool, extra: str = "") -> str:
@@ -107,28 +121,80 @@ def assert_same_hits(mi: Any, scene: Scene, rng: np.random.Generator) -> None:
     found_t, found_ids, found_normals, found_emission = (values[decided] for values in trace(scene, o, d))
     np.testing.assert_array_equal(found_ids, ids[decided])
     across = np.abs(np.sum(normals * d, axis=1))[decided]
-    np.testing.assert_array_less(np.abs(found_t - t[decided]) * across, DISTANCE_TOLERANCE)
-    np.testing.assert_array_less(np.abs(found_normals - normals[decided]), NORMAL_TOLERANCE)
+    on_cylinder = np.array([shape.kind == "cylinder" for shape in scene.shapes])[found_ids] & (found_ids >= 0)
+    off = np.abs(found_t - t[decided]) * across
+    np.testing.assert_array_less(off, np.where(on_cylinder, MITSUBA_CYLINDER_ERROR, DISTANCE_TOLERANCE))
+    turned = np.abs(found_normals - normals[decided]).max(axis=1)
+    np.testing.assert_array_less(turned[~on_cylinder], NORMAL_TOLERANCE)
+    # The normal turns as the point slides along the ray.
+    np.testing.assert_array_less((turned * across)[on_cylinder], MITSUBA_CYLINDER_ERROR / SHARPEST_CYLINDER)
     np.testing.assert_array_equal(found_emission, emitted[decided])
 
 
 @pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("kind", ["sphere", "rectangle", "disk", "cube"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_shapes_are_hit_as_in_mitsuba(mi: Any, scene: Any, kind: str, seed: int) -> None:
     """Six shapes of a kind, each under a random transform, mirrored or flipped or both, half of them emissive."""
     rng = np.random.default_rng([seed, *map(ord, kind)])
-    body = "\n".join(shape_xml(kind, f"shape{i}", random_transform(rng, kind), flip=bool(i % 2), emits=i % 3 != 0)
-                     for i in range(6))
+    body = "\n".join(random_shape(rng, kind, f"shape{i}", flip=bool(i % 2), emits=i % 3 != 0) for i in range(6))
     assert_same_hits(mi, scene(body), rng)
 
 
 def test_mixed_shapes_are_hit_as_in_mitsuba(mi: Any, scene: Any) -> None:
     """The nearest of shapes of every kind wins, whatever their order in the file."""
     rng = np.random.default_rng(7)
-    kinds = rng.permutation(["sphere", "rectangle", "disk", "cube"] * 3)
-    body = "\n".join(shape_xml(kind, f"shape{i}", random_transform(rng, kind), flip=False, emits=True)
-                     for i, kind in enumerate(kinds))
+    kinds = rng.permutation(KINDS * 3)
+    body = "\n".join(random_shape(rng, kind, f"shape{i}", flip=False, emits=True) for i, kind in enumerate(kinds))
     assert_same_hits(mi, scene(body), rng)
+
+
+def exact_cylinder(matrix: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distance to x² + y² = 1, 0 <= z <= 1 under `matrix` (NO_HIT beside it), and outward normal, in float64."""
+    inverse = np.linalg.inv(matrix)
+    origin, direction = o @ inverse[:3, :3].T + inverse[:3, 3], d @ inverse[:3, :3].T
+    a, b, c = ((x[:, :2] * y[:, :2]).sum(axis=1) for x, y in ((direction, direction), (origin, direction),
+                                                              (origin, origin)))
+    discriminant = b * b - a * (c - 1)
+    root = np.sqrt(np.maximum(discriminant, 0))
+    t = np.full(len(o), NO_HIT)
+    for candidate in ((-b + root) / a, (-b - root) / a):
+        z = origin[:, 2] + candidate * direction[:, 2]
+        t = np.where((discriminant >= 0) & (candidate > 0) & (z >= 0) & (z <= 1), candidate, t)
+    p = origin + np.where(t < NO_HIT, t, 0)[:, None] * direction
+    normal = (p * [1, 1, 0]) @ inverse[:3, :3]
+    return t, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("distance", [1.0, 1000.0])
+@pytest.mark.parametrize("radius", [1.0, 1e-3])
+def test_cylinders_are_hit_where_float64_says(scene: Any, radius: float, distance: float) -> None:
+    """Round and oval, thick and thin as a wire, near and far: within a few roundings of the coordinates in play.
+
+    The quadratic formula as it stands would be off by the distance squared over the radius.
+    """
+    rng = np.random.default_rng([int(1 / radius), int(distance)])
+    for uneven in (False, True):
+        linear = rotation(rng) @ np.diag([radius, radius * (0.5 if uneven else 1), 2.0])
+        matrix = np.eye(4)
+        matrix[:3, :3] = linear @ (np.eye(3) + uneven * 0.3 * np.outer([1, 0.5, 0], [0, 0, 1]))
+        loaded = scene(shape_xml("cylinder", "wire", matrix, flip=uneven, emits=False))
+        target = np.c_[rng.uniform(-1, 1, (2000, 2)), rng.uniform(0.1, 0.9, 2000), np.ones(2000)] @ matrix.T
+        direction = rng.normal(size=(2000, 3))
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        o = (target[:, :3] - distance * direction).astype(np.float32)
+        d = direction.astype(np.float32)
+        exact, normal = exact_cylinder(loaded.shapes[0].matrix, o.astype(np.float64), d.astype(np.float64))
+        t, ids, found_normal, _ = trace(loaded, o, d)
+        # Rounding of such coordinates in units of the radius; an oval's normal turns up to 4 times as far.
+        rounding = 2e-7 * (1 + distance) / radius
+        missed = (exact < NO_HIT) != (ids == 0)
+        assert missed.mean() <= 0.1 * rounding + 1e-3
+        both = (exact < NO_HIT) & (ids == 0)
+        assert both.mean() > 0.8
+        across = np.abs(np.sum(normal * d, axis=1))[both]
+        np.testing.assert_array_less(np.abs(t - exact)[both] * across, 2 * rounding * radius)
+        turned = np.abs(found_normal - (-normal if uneven else normal)).max(axis=1)[both]
+        np.testing.assert_array_less(turned * across, 4 * rounding)
 
 
 @pytest.mark.parametrize("zero", [0.0, -0.0])
@@ -137,6 +203,7 @@ def test_mixed_shapes_are_hit_as_in_mitsuba(mi: Any, scene: Any) -> None:
     ("rectangle", [5.0, NO_HIT, NO_HIT, NO_HIT, NO_HIT]),
     ("disk", [5.0, NO_HIT, NO_HIT, NO_HIT, NO_HIT]),
     ("cube", [4.0, NO_HIT, NO_HIT, 1.0, NO_HIT]),
+    ("cylinder", [NO_HIT, NO_HIT, NO_HIT, 1.0, NO_HIT]),
 ])
 def test_rays_along_the_axes(scene: Any, kind: str, expected: list[float], zero: float) -> None:
     """Rays with two components exactly zero, of either sign: dividing by them must neither invent nor lose a hit."""
