@@ -57,7 +57,7 @@ class Estimate:
     def exact(cls, mean: np.ndarray) -> Estimate:
         """A closed-form image (H, W, 3) as an estimate without variance."""
         mean = np.asarray(mean, dtype=np.float64)
-        return cls(mean, np.zeros_like(mean), np.zeros(mean.shape[:2]), _with_luminance(mean).mean((0, 1)),
+        return cls(mean, np.zeros_like(mean), np.zeros(mean.shape[:2]), with_luminance(mean).mean((0, 1)),
                    np.zeros(4), samples=0, batches=0)
 
 
@@ -81,7 +81,7 @@ class Accumulator:
         """Merge one batch; ValueError when it holds no samples or its image size is not that of those before it."""
         if batch.samples < 1:
             raise ValueError(f"expected at least 1 sample, found {batch.samples}")
-        value = _with_luminance(batch.mean)
+        value = with_luminance(batch.mean)
         if self.batches == 0:
             self._mean = np.zeros_like(value)
             self._m2 = np.zeros_like(value)
@@ -120,7 +120,7 @@ def merge(batches: Iterable[Batch]) -> Estimate:
     return accumulator.estimate()
 
 
-def _with_luminance(rgb: np.ndarray) -> np.ndarray:
+def with_luminance(rgb: np.ndarray) -> np.ndarray:
     """(..., 3) -> (..., 4) float64, luminance appended."""
     rgb = np.asarray(rgb, dtype=np.float64)
     return np.concatenate([rgb, luminance(rgb)[..., None]], axis=-1)

@@ -1,4 +1,4 @@
-"""Is a render biased? Equivalence verdicts on image means and on tiles, with a tolerance and family-wise control."""
+"""Is the mean of a render biased? An equivalence verdict from means and variances alone, as image files hold them."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy import special
 
 from harness.errors import HarnessError
+from harness.stats.deviates import half_width, satterthwaite
 
 Outcome = Literal["pass", "fail", "inconclusive"]
 
@@ -19,10 +19,6 @@ CHANNELS = ("red", "green", "blue", "luminance")
 POWER = 0.95
 # A channel whose mean is below this part of the luminance mean is black: float32 rounding alone reaches 1e-7 of it.
 BLACK = 1e-6
-# A tile darker than this part of the image's mean is measured against that part, not against its own near-zero mean.
-DARK_TILE = 0.01
-# The |z| beyond which a normal tail probability is no longer representable; z-maps saturate there.
-Z_LIMIT = 37.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,28 +40,6 @@ class MeanErrorVerdict:
     low: np.ndarray
     high: np.ndarray
     dof: np.ndarray
-    smallest_detectable: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class TileVerdict:
-    """Local errors, one per tile: arrays of shape (rows, columns), with a last axis of channels if the images had one.
-
-    `error`: relative to the tile's reference mean, or to 1 % of the image's where the tile is darker. `z`: error over
-    its standard error, as a normal deviate, positive where the test is too bright. `critical`: the |z| that chance
-    exceeds anywhere in the map with probability 1 - `confidence`. `worst`: (row, column) of the tile with the largest
-    |z|; its first pixel is `worst` times `tile`. `smallest_detectable`: as in `MeanErrorVerdict`, for each tile.
-    """
-
-    outcome: Outcome
-    reason: str
-    tolerance: float
-    confidence: float
-    tile: int
-    error: np.ndarray
-    z: np.ndarray
-    critical: float
-    worst: tuple[int, int]
     smallest_detectable: np.ndarray
 
 
@@ -95,7 +69,8 @@ def mean_error_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_do
 
     HarnessError for a negative tolerance or a confidence outside (0, 1).
     """
-    _check_levels(tolerance, confidence)
+    check_tolerance(tolerance)
+    check_confidence(confidence)
     test_mean, test_variance, reference_mean, reference_variance = (
         np.asarray(a, dtype=np.float64) for a in (test_mean, test_variance, reference_mean, reference_variance))
     scale = error_scale(reference_mean)
@@ -105,64 +80,15 @@ def mean_error_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_do
     slope = np.where(scale == np.abs(reference_mean), test_mean / scale, 1.0)
     from_reference = slope**2 * reference_variance / scale**2
     sigma = np.sqrt(from_test + from_reference)
-    dof = _satterthwaite(from_test + from_reference, from_test**2 / test_dof + from_reference**2 / reference_dof)
+    dof = satterthwaite(from_test + from_reference, from_test**2 / test_dof + from_reference**2 / reference_dof)
     alpha = 1 - confidence
-    half = _half_width(sigma, dof, alpha)
-    guarded = _half_width(sigma, dof, alpha / len(CHANNELS))
-    detectable = guarded + _half_width(sigma, dof, 2 * (1 - POWER))
+    half = half_width(sigma, dof, alpha)
+    guarded = half_width(sigma, dof, alpha / len(CHANNELS))
+    detectable = guarded + half_width(sigma, dof, 2 * (1 - POWER))
     outcome, reason = _judge_means(test_mean, test_variance, reference_mean, reference_variance, error, half, guarded,
                                    tolerance, confidence, noisier_reference=from_reference > from_test)
     return MeanErrorVerdict(outcome, reason, tolerance, confidence, error, error - half, error + half, dof,
                             np.where(np.isnan(detectable), np.inf, detectable))
-
-
-def tile_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_dof: float, reference_mean: np.ndarray,
-                 reference_variance: np.ndarray, reference_dof: float, *, tile: int = 16, tolerance: float = 0.05,
-                 confidence: float = 0.95) -> TileVerdict:
-    """Equivalence test of each tile of `tile` x `tile` pixels, for defects too local to move the image's mean.
-
-    Images and variances of their pixels have shape (H, W) or (H, W, C); tiles at the right and bottom edges may be
-    smaller. Pixels are taken to be independent, which a box filter and a random stream for each pixel guarantee.
-    The degrees of freedom of a tile pool those of its pixels (Satterthwaite 1946).
-
-    - fail: some tile's error exceeds the tolerance significantly, at a level corrected for the number of tiles and
-      channels (Šidák 1967), so that a good render fails with probability below 1 - confidence; or a pixel of the test
-      is not finite.
-    - pass: every tile's interval at `confidence` lies within ±tolerance.
-    - inconclusive: neither, or a variance is unknown.
-
-    Valid for test and reference with *equal tails* only: where one side draws rare bright samples and the other does
-    not, its skewness makes the false-alarm rate of the largest of many tiles several times the nominal one.
-    HarnessError for a tile below 1, a negative tolerance or a confidence outside (0, 1).
-    """
-    _check_levels(tolerance, confidence)
-    if tile < 1:
-        raise HarnessError(f"tile size must be at least 1 pixel, found {tile}")
-    test_mean, test_variance, reference_mean, reference_variance = (
-        np.asarray(a, dtype=np.float64) for a in (test_mean, test_variance, reference_mean, reference_variance))
-    pixels = tile_sums(np.ones_like(reference_mean), tile)
-    test, reference = tile_sums(test_mean, tile) / pixels, tile_sums(reference_mean, tile) / pixels
-    from_test, from_reference = (tile_sums(v, tile) / pixels**2 for v in (test_variance, reference_variance))
-    variance = from_test + from_reference
-    squares = test_variance**2 / test_dof + reference_variance**2 / reference_dof
-    dof = _satterthwaite(variance, tile_sums(squares, tile) / pixels**4)
-    floor = DARK_TILE * np.abs(reference_mean.mean((0, 1)))
-    scale = np.maximum(np.abs(reference), np.where(floor > 0, floor, 1.0))
-    error = (test - reference) / scale
-    sigma = np.sqrt(variance) / scale
-    z = np.sign(error) * _normal_deviate(np.abs(error), sigma, dof)
-    # Testing T > (1 + tolerance) R, in which the reference's noise counts by as much more.
-    wide = np.sqrt(from_test + (1 + tolerance)**2 * from_reference) / scale
-    excess = _normal_deviate(np.abs(error) - tolerance, wide, dof)
-    alpha = 1 - confidence
-    per_tile = -np.expm1(np.log1p(-alpha) / error.size)
-    critical = float(special.ndtri(1 - per_tile / 2))
-    within = np.abs(error) + _half_width(wide, dof, alpha) <= tolerance
-    detectable = _half_width(sigma, dof, per_tile) + _half_width(sigma, dof, 2 * (1 - POWER))
-    peak = np.unravel_index(int(np.argmax(np.abs(np.nan_to_num(z, nan=Z_LIMIT)))), z.shape)
-    outcome, reason = _judge_tiles(test_mean, error[peak], within, excess, critical, tile, peak, tolerance)
-    return TileVerdict(outcome, reason, tolerance, confidence, tile, error, z, critical,
-                       (int(peak[0]), int(peak[1])), np.where(np.isnan(detectable), np.inf, detectable))
 
 
 def check_confidence(confidence: float) -> None:
@@ -171,16 +97,16 @@ def check_confidence(confidence: float) -> None:
         raise HarnessError(f"confidence must lie between 0 and 1 (0.95 is 95 %), found {confidence}")
 
 
-def tile_sums(image: np.ndarray, tile: int) -> np.ndarray:
-    """Sums over tiles of `tile` x `tile` pixels, (H, W, ...) -> (ceil(H/tile), ceil(W/tile), ...)."""
-    rows, columns = (np.arange(0, size, tile) for size in image.shape[:2])
-    return np.add.reduceat(np.add.reduceat(image, rows, axis=0), columns, axis=1)
+def check_tolerance(tolerance: float) -> None:
+    """HarnessError for a negative tolerance."""
+    if not tolerance >= 0:
+        raise HarnessError(f"tolerance must be zero or more (0.002 is 0.2 %), found {tolerance}")
 
 
 def _judge_means(test_mean: np.ndarray, test_variance: np.ndarray, reference_mean: np.ndarray,
                  reference_variance: np.ndarray, error: np.ndarray, half: np.ndarray, guarded: np.ndarray,
                  tolerance: float, confidence: float, *, noisier_reference: np.ndarray) -> tuple[Outcome, str]:
-    band = f"±{_percent(tolerance)}"
+    band = f"±{percent(tolerance)}"
     if not np.isfinite(test_mean).all():
         return "fail", "the test image holds pixels that are not finite"
     if not np.isfinite(reference_mean).all():
@@ -190,7 +116,7 @@ def _judge_means(test_mean: np.ndarray, test_variance: np.ndarray, reference_mea
             return "inconclusive", f"the variance of the {name} is unknown: it takes two batches or more"
 
     def told(channel: int, width: np.ndarray) -> str:
-        return f"{CHANNELS[channel]} {_signed(error[channel])} ± {_percent(width[channel])}"
+        return f"{CHANNELS[channel]} {signed_percent(error[channel])} ± {percent(width[channel])}"
 
     beyond = np.abs(error) - guarded
     if (beyond > tolerance).any():
@@ -198,7 +124,7 @@ def _judge_means(test_mean: np.ndarray, test_variance: np.ndarray, reference_mea
     reach = np.abs(error) + half
     worst = int(np.argmax(reach))
     if reach[worst] <= tolerance:
-        return "pass", f"all channels lie within {band} at {_percent(confidence)} confidence; {told(worst, half)}"
+        return "pass", f"all channels lie within {band} at {percent(confidence)} confidence; {told(worst, half)}"
     message = f"{told(worst, half)} reaches beyond {band}"
     room = tolerance - abs(error[worst])
     if room > 0:
@@ -208,57 +134,11 @@ def _judge_means(test_mean: np.ndarray, test_variance: np.ndarray, reference_mea
     return "inconclusive", message
 
 
-def _judge_tiles(test_mean: np.ndarray, peak_error: float, within: np.ndarray, excess: np.ndarray, critical: float,
-                 tile: int, peak: tuple[np.intp, ...], tolerance: float) -> tuple[Outcome, str]:
-    broken = ~np.isfinite(test_mean)
-    if broken.any():
-        row, column = (int(i) for i in np.argwhere(broken)[0][:2])
-        return "fail", (f"{int(broken.sum())} values of the test image are not finite, "
-                        f"the first at pixel x={column}, y={row}")
-    if np.isnan(excess).any():
-        return "inconclusive", "the variance of a pixel is unknown: it takes two batches or more of both images"
-    place = f"the tile at x={int(peak[1]) * tile}, y={int(peak[0]) * tile}"
-    bad = int((excess > critical).sum())
-    if bad:
-        row, column = (int(i) for i in np.unravel_index(int(np.argmax(excess)), excess.shape)[:2])
-        return "fail", (f"{bad} of {excess.size} tiles differ by more than {_percent(tolerance)}; "
-                        f"most surely the one at x={column * tile}, y={row * tile}")
-    if within.all():
-        return "pass", (f"all {within.size} tiles lie within ±{_percent(tolerance)}; "
-                        f"the most conspicuous is {place}, {_signed(peak_error)}")
-    return "inconclusive", (f"{int((~within).sum())} of {within.size} tiles may differ by more than "
-                            f"{_percent(tolerance)}; draw more samples")
-
-
-def _satterthwaite(variance: np.ndarray, squares: np.ndarray) -> np.ndarray:
-    """Degrees of freedom of a sum of variances, given Σ variance²/dof; infinite where nothing is uncertain."""
-    with np.errstate(invalid="ignore"):
-        return np.where(squares == 0, np.inf, variance**2 / np.where(squares == 0, 1.0, squares))
-
-
-def _half_width(sigma: np.ndarray, dof: np.ndarray, alpha: float) -> np.ndarray:
-    """Half the two-sided Student interval at level 1 - alpha."""
-    return sigma * special.stdtrit(dof, 1 - alpha / 2)
-
-
-def _normal_deviate(value: np.ndarray, sigma: np.ndarray, dof: np.ndarray) -> np.ndarray:
-    """value/sigma, Student distributed, as the normal deviate with the same tail probability, within ±Z_LIMIT."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.where(sigma == 0, np.where(value == 0, 0.0, np.copysign(np.inf, value)), value / sigma)
-    # The lower tail keeps its digits where the upper one would round to one.
-    z = special.ndtri(special.stdtr(dof, -np.abs(t)))
-    return np.where(np.isnan(t), np.nan, np.copysign(np.minimum(-z, Z_LIMIT), t))
-
-
-def _check_levels(tolerance: float, confidence: float) -> None:
-    if not tolerance >= 0:
-        raise HarnessError(f"tolerance must be zero or more (0.002 is 0.2 %), found {tolerance}")
-    check_confidence(confidence)
-
-
-def _percent(fraction: float) -> str:
+def percent(fraction: float) -> str:
+    """'0.31 %'."""
     return f"{100 * fraction:.3g} %"
 
 
-def _signed(fraction: float) -> str:
+def signed_percent(fraction: float) -> str:
+    """'+0.31 %'."""
     return f"{100 * fraction:+.3g} %"

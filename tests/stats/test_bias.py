@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,15 +10,7 @@ from scipy import stats
 
 from harness.errors import HarnessError
 from harness.estimate import LUMINANCE
-from harness.stats.bias import (
-    Z_LIMIT,
-    MeanErrorVerdict,
-    TileVerdict,
-    error_scale,
-    mean_error_verdict,
-    tile_sums,
-    tile_verdict,
-)
+from harness.stats.bias import MeanErrorVerdict, error_scale, mean_error_verdict
 
 ONE = np.ones(4)
 GREY = 0.5 * ONE
@@ -176,156 +167,10 @@ class TestMeanErrorRates:
         assert abs(found / trials - 0.95) < 4 * math.sqrt(0.95 * 0.05 / trials)
 
 
-def noisy_image(rng: np.random.Generator, truth: np.ndarray, sigma: float,
-                batches: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pixel means with standard error sigma x truth, and their variances as estimated from that many batches."""
-    variance = (sigma * truth)**2
-    dof = batches - 1
-    return rng.normal(truth, np.sqrt(variance)), variance * rng.chisquare(dof, truth.shape) / dof
-
-
-class TestTiles:
-    """Local defects."""
-
-    SHAPE = (64, 80)
-
-    def compare(self, rng: np.random.Generator, test_truth: np.ndarray, reference_truth: np.ndarray, *,
-                sigma: float = 0.05, batches: int = 16, **options: float) -> TileVerdict:
-        test, reference = (noisy_image(rng, truth, sigma, batches) for truth in (test_truth, reference_truth))
-        return tile_verdict(*test, batches - 1, *reference, batches - 1, **options)
-
-    @pytest.mark.parametrize("batches", [4, 32])
-    def test_unbiased_render_fails_as_often_as_stated(self, rng: np.random.Generator, batches: int) -> None:
-        """With no tolerance, the largest of 20 tiles exceeds the critical value in 5 % of 1000 experiments."""
-        truth = np.linspace(0.2, 2.0, self.SHAPE[0] * self.SHAPE[1]).reshape(self.SHAPE)
-        trials = 1000
-        rate = sum(self.compare(rng, truth, truth, batches=batches, tolerance=0.0).outcome == "fail"
-                   for _ in range(trials)) / trials
-        assert abs(rate - 0.05) < 4 * math.sqrt(0.05 * 0.95 / trials)
-
-    def test_defect_in_one_tile_is_found_and_placed(self, rng: np.random.Generator) -> None:
-        truth = np.ones(self.SHAPE)
-        defect = truth.copy()
-        defect[32:48, 16:32] = 1.10
-        found = self.compare(rng, defect, truth)
-        assert found.outcome == "fail"
-        assert found.worst == (2, 1)
-        assert "x=16, y=32" in found.reason
-        assert found.z[2, 1] > found.critical > np.delete(found.z.ravel(), 2 * 5 + 1).max()
-        assert abs(found.error[2, 1] - 0.10) < 0.02
-
-    def test_dark_defect_has_negative_z(self, rng: np.random.Generator) -> None:
-        truth = np.ones(self.SHAPE)
-        defect = truth.copy()
-        defect[:16, 64:] = 0.9
-        found = self.compare(rng, defect, truth)
-        assert found.z[0, 4] < -found.critical
-        assert found.outcome == "fail"
-
-    def test_agreement_passes_only_with_enough_samples(self, rng: np.random.Generator) -> None:
-        truth = np.ones(self.SHAPE)
-        assert self.compare(rng, truth, truth, sigma=0.05).outcome == "pass"
-        assert self.compare(rng, truth, truth, sigma=0.5).outcome == "inconclusive"
-        perfect = tile_verdict(truth, 9 * truth, 15, truth, 9 * truth, 15)
-        assert perfect.outcome == "inconclusive" and not perfect.error.any()
-
-    def test_defect_below_the_tolerance_is_tolerated(self, rng: np.random.Generator) -> None:
-        """Plainly there (|z| beyond critical), yet smaller than what was asked about."""
-        truth = np.ones(self.SHAPE)
-        found = self.compare(rng, 1.03 * truth, truth, sigma=0.02, tolerance=0.05)
-        assert found.outcome == "pass"
-        assert (found.z > found.critical).all()
-
-    def test_z_is_error_over_its_standard_error(self) -> None:
-        """With known variances; the two sides add: sqrt(0.0016 + 0.0009) = 0.05 a pixel, 0.05/4 a tile of 16."""
-        shape = (4, 8)
-        found = tile_verdict(np.full(shape, 1.025), np.full(shape, 0.0016), math.inf, np.ones(shape),
-                             np.full(shape, 0.0009), math.inf, tile=4)
-        np.testing.assert_allclose(found.z, np.full((1, 2), 0.025 / (0.05 / 4)), rtol=1e-6)
-        np.testing.assert_allclose(found.critical, stats.norm.ppf(1 - (1 - 0.95**0.5) / 2), rtol=1e-9)
-        assert found.smallest_detectable[0, 0] == pytest.approx((found.critical + stats.norm.ppf(0.95)) * 0.05 / 4)
-
-    def test_tiles_at_the_edges_may_be_smaller(self) -> None:
-        image = np.arange(5 * 7.0).reshape(5, 7)
-        sums = tile_sums(image, 4)
-        expected = [[image[:4, :4].sum(), image[:4, 4:].sum()], [image[4:, :4].sum(), image[4:, 4:].sum()]]
-        np.testing.assert_array_equal(sums, expected)
-        found = tile_verdict(image + 1, 0 * image, math.inf, image + 1, 0 * image, math.inf, tile=4)
-        assert found.error.shape == (2, 2) and found.outcome == "pass"
-
-    def test_channels_are_judged_apart(self, rng: np.random.Generator) -> None:
-        """Red up and blue down by the same luminance hides from luminance alone."""
-        truth = np.ones((*self.SHAPE, 3))
-        defect = truth.copy()
-        defect[:16, :16] += 0.2 * np.array([0.0722, 0.0, -0.2126]) / 0.0722
-        found = self.compare(rng, defect, truth)
-        assert found.z.shape == (4, 5, 3)
-        assert found.outcome == "fail" and found.worst == (0, 0)
-
-    def test_dark_tile_is_measured_against_the_image(self) -> None:
-        """Twice as bright as 1e-5 is no defect in an image whose mean is one."""
-        truth = np.ones((32, 32))
-        truth[:16, :16] = 1e-5
-        test = truth.copy()
-        test[:16, :16] = 2e-5
-        found = tile_verdict(test, 0 * truth, math.inf, truth, 0 * truth, math.inf)
-        assert found.outcome == "pass"
-        assert found.error[0, 0] == pytest.approx(1e-5 / (0.01 * truth.mean()))
-
-    def test_broken_pixel_fails_and_is_placed(self, rng: np.random.Generator) -> None:
-        truth = np.ones(self.SHAPE)
-        test = truth.copy()
-        test[33, 21] = np.nan
-        found = tile_verdict(test, 0 * truth, 9, truth, 0 * truth, 9)
-        assert found.outcome == "fail" and "x=21, y=33" in found.reason
-        assert found.worst == (2, 1)
-
-    def test_unknown_variance_is_inconclusive(self) -> None:
-        truth = np.ones(self.SHAPE)
-        found = tile_verdict(truth, truth * np.nan, 0, truth, 0 * truth, math.inf)
-        assert found.outcome == "inconclusive" and "two batches" in found.reason
-        assert np.isinf(found.smallest_detectable).all()
-
-    def test_z_saturates_instead_of_overflowing(self) -> None:
-        """An exact image that is wrong is infinitely many standard errors off; the picture of it stays finite."""
-        truth = np.ones((16, 16))
-        found = tile_verdict(1.5 * truth, 0 * truth, math.inf, truth, 0 * truth, math.inf)
-        assert found.z[0, 0] == Z_LIMIT and found.outcome == "fail"
-
-    def test_tile_of_no_pixels_is_refused(self) -> None:
-        with pytest.raises(HarnessError, match="tile size must be at least 1"):
-            tile_verdict(np.ones((4, 4)), np.ones((4, 4)), 9, np.ones((4, 4)), np.ones((4, 4)), 9, tile=0)
-
-
-def test_unequal_tails_mislead_the_tiles_but_not_the_mean(rng: np.random.Generator) -> None:
-    """The limit that the docstring admits, so that nobody trusts the tiles further than they reach.
-
-    One side is normal, the other draws samples that are 1000 times brighter with probability 1e-4; same mean.
-    """
-    batches, spp, side, trials = 16, 8, 64, 60
-    rare, bright = 1e-4, 1000.0
-    tiles = means = 0
-    for _ in range(trials):
-        smooth = rng.normal(1.0, 1.0, (batches, side, side)) / math.sqrt(spp) + (1 - 1 / math.sqrt(spp))
-        fireflies = (1 - rare * bright) + bright * rng.binomial(spp, rare, (batches, side, side)) / spp
-        sides = [(image.mean(0), image.var(0, ddof=1) / batches) for image in (fireflies, smooth)]
-        tiles += tile_verdict(*sides[0], batches - 1, *sides[1], batches - 1, tolerance=0.0).outcome == "fail"
-        (test, test_var), (reference, reference_var) = [
-            (np.full(4, image.mean()), np.full(4, image.mean((1, 2)).var(ddof=1) / batches))
-            for image in (fireflies, smooth)]
-        means += mean_error_verdict(test, test_var, batches - 1, reference, reference_var, batches - 1,
-                                    tolerance=0.0).outcome == "fail"
-    assert tiles / trials > 0.10
-    assert means / trials < 0.10
-
-
-@pytest.mark.parametrize("judge", [mean_error_verdict, tile_verdict])
-def test_outcome_does_not_depend_on_the_unit_of_radiance(judge: Callable[..., MeanErrorVerdict | TileVerdict],
-                                                         rng: np.random.Generator) -> None:
+def test_outcome_does_not_depend_on_the_unit_of_radiance(rng: np.random.Generator) -> None:
     """A scene a million times brighter gets the same verdict, error for error."""
-    shape = (4,) if judge is mean_error_verdict else (16, 16)
-    test, reference = rng.uniform(0.9, 1.1, shape), np.ones(shape)
-    plain = judge(test, 1e-4 * reference, 9, reference, 1e-4 * reference, 9)
-    bright = judge(1e6 * test, 1e8 * reference, 9, 1e6 * reference, 1e8 * reference, 9)
+    test, reference = rng.uniform(0.9, 1.1, 4), np.ones(4)
+    plain = mean_error_verdict(test, 1e-4 * reference, 9, reference, 1e-4 * reference, 9)
+    bright = mean_error_verdict(1e6 * test, 1e8 * reference, 9, 1e6 * reference, 1e8 * reference, 9)
     assert plain.outcome == bright.outcome
     np.testing.assert_allclose(plain.error, bright.error, rtol=1e-9)
