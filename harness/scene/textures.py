@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from harness.scene.model import Texture, Varying
+from harness.errors import SceneError
+from harness.scene.bitmaps import load_bitmap, load_to_uv
+from harness.scene.model import RGB, Checkerboard, Texture, Varying
 from harness.scene.nodes import Node
 from harness.scene.procedural import KINDS, load_procedural
 
@@ -28,4 +30,26 @@ def load_varying(node: Node) -> Varying:
     """A texture plugin."""
     if node.plugin in KINDS:
         return load_procedural(node)
+    if node.plugin == "bitmap":
+        return load_bitmap(node)
+    if node.plugin == "checkerboard":
+        return _checkerboard(node)
     raise node.refuse(TEXTURES)
+
+
+def _checkerboard(node: Node) -> Checkerboard:
+    board = Checkerboard(_board_color(node, "color0", 0.4), _board_color(node, "color1", 0.2), load_to_uv(node))
+    node.done(["color0", "color1", "to_uv"])
+    return board
+
+
+def _board_color(node: Node, name: str, default: float) -> RGB:
+    """A colour or a number. Mitsuba takes the colour for a reflectance, even in a light, but not the number."""
+    color = node.rgb(name, default, emission=True)
+    if max(color) > 1:
+        try:
+            node.number(name, default)
+        except SceneError:
+            raise node.error(f"'{name}' as a colour must not exceed 1, found {max(color):g}; Mitsuba's checkerboard "
+                             "takes brighter values as a <float> only") from None
+    return color

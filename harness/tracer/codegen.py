@@ -10,11 +10,12 @@ from __future__ import annotations
 from harness.scene.model import Scene
 from harness.scene.motion import settled
 from harness.tracer.environment import environment_function
-from harness.tracer.geometry import intersect_function, normal_function, uv_function
+from harness.tracer.geometry import intersect_function, normal_function
 from harness.tracer.literals import in_comment, number, vector
 from harness.tracer.materials import emission_function, material_function, switches, two_sided_function
 from harness.tracer.motion import Motions
-from harness.tracer.textures import declarations, needs_uv
+from harness.tracer.textures import declarations, uv_users
+from harness.tracer.uv import uv_function
 
 STRATEGIES = ("uniform", "cosine", "phong", "lobes", "mixture")
 
@@ -34,11 +35,11 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
         '#include "lib/shapes.glsl"',
         "",
         *_camera(scene),
-        *declarations(scene),
+        *declarations(shapes),
         *motions.declarations(),
         *intersect_function(shapes, motions),
         *normal_function(shapes),
-        *uv_function(shapes, needed=needs_uv(scene)),
+        *uv_function(shapes, uv_users(shapes)),
         *material_function(shapes),
     ]
     if has["HAS_EMISSION"]:

@@ -60,12 +60,6 @@ def normal_function(shapes: Sequence[Shape]) -> list[str]:
     return [comment, *function("vec3 surface_normal(int id, vec3 p)", [*body, "return n;"])]
 
 
-def uv_function(shapes: Sequence[Shape], *, needed: bool) -> list[str]:
-    """`surface_uv`: Mitsuba's surface coordinates of p on shape `id`; zero where no texture looks at them."""
-    assert not needed
-    return function("vec2 surface_uv(int id, vec3 p)", ["return vec2(0.0);"])
-
-
 def _of_kind(shapes: Sequence[Shape], kind: ShapeKind) -> list[tuple[int, Shape]]:
     return [(index, shape) for index, shape in enumerate(shapes) if shape.kind == kind]
 

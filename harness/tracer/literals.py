@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,13 +40,21 @@ def is_any(ids: Sequence[int]) -> str:
 
 def selected(kind: str, name: str, values: Sequence[str], otherwise: str) -> list[str]:
     """Statements that declare `name` as the value of shape `id`: selects, one per distinct value, commonest first."""
+    return chosen(kind, name, dict(enumerate(values)) or {0: otherwise})
+
+
+def chosen(kind: str, name: str, values: Mapping[int, str]) -> list[str]:
+    """The same where only some shapes have a value, at least one; for the others it is one of those."""
+    (first, _), *others = grouped(values)
+    return [f"{kind} {name} = {first};", *(f"if ({is_any(ids)}) {name} = {value};" for value, ids in others)]
+
+
+def grouped(values: Mapping[int, str]) -> list[tuple[str, list[int]]]:
+    """Distinct values with the shapes that have them, commonest first."""
     groups: dict[str, list[int]] = {}
-    for index, value in enumerate(values):
+    for index, value in values.items():
         groups.setdefault(value, []).append(index)
-    ordered = sorted(groups.items(), key=lambda item: -len(item[1]))
-    lines = [f"{kind} {name} = {ordered[0][0] if ordered else otherwise};"]
-    lines += [f"if ({is_any(ids)}) {name} = {value};" for value, ids in ordered[1:]]
-    return lines
+    return sorted(groups.items(), key=lambda item: -len(item[1]))
 
 
 def function(signature: str, body: Sequence[str]) -> list[str]:

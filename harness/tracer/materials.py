@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from harness.scene.model import Material, Shape, Texture, Varying, is_black, peak
 from harness.tracer.literals import function, number, selected, vector
 from harness.tracer.procedural import lanes
-from harness.tracer.textures import Target, assignments
+from harness.tracer.targets import Target
+from harness.tracer.textures import assignments
 
 BLACK = "vec3(0.0)"
 
@@ -40,7 +41,7 @@ def material_function(shapes: Sequence[Shape]) -> list[str]:
     targets = [Target("value.kd", "rgb", _varying([s.material.kd for s in shapes])),
                Target("value.ks", "rgb", _varying([s.material.ks for s in shapes])),
                Target("value.alpha", "r", _varying([s.material.alpha for s in shapes]))]
-    body += assignments(targets)
+    body += assignments(targets, shapes)
     if targets[0].uses or targets[1].uses:
         body.append("value.p_glossy = glossy_probability(value.kd, value.ks);")
     return function("Material material(int id, vec3 p, vec2 uv)", [*body, "return value;"])
@@ -50,7 +51,7 @@ def emission_function(shapes: Sequence[Shape]) -> list[str]:
     """`emission`: the radiance that leaves the front of shape `id` at p."""
     values = [shape.emission or (0.0, 0.0, 0.0) for shape in shapes]
     body = selected("vec3", "value", [_colour(value) for value in values], BLACK)
-    body += assignments([Target("value", "rgb", _varying(values))])
+    body += assignments([Target("value", "rgb", _varying(values))], shapes)
     return function("vec3 emission(int id, vec3 p, vec2 uv)", [*body, "return value;"])
 
 

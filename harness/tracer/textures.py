@@ -1,35 +1,37 @@
-"""GLSL for textures: statements that replace constants of a material or a light by what varies over the surface."""
+"""GLSL for textures: statements that replace constants of a material or a light by what varies over the surface.
+
+The dispatch alone; each kind of texture has a module of its own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
-from harness.scene.model import Scene, Varying
-
-
-@dataclass(frozen=True)
-class Target:
-    """A GLSL variable that textures set, the components that it takes of them, and the texture of each shape.
-
-    In scope where it is set: `int id` of the shape, `vec3 p` on it (world space, the shape at rest) and `vec2 uv`.
-    """
-
-    variable: str
-    swizzle: str  # "rgb", or "r" for a number
-    uses: Mapping[int, Varying]
+from harness.scene.model import Bitmap, Checkerboard, Procedural, Shape
+from harness.tracer import bitmaps, procedural, uv
+from harness.tracer.targets import Target, restricted
 
 
-def assignments(targets: Sequence[Target]) -> list[str]:
-    """Statements that set each target where the shape has a texture for it."""
-    return []
+def assignments(targets: Sequence[Target], shapes: Sequence[Shape]) -> list[str]:
+    """Statements that set each target where the shape has a texture for it; `shapes` are all of the scene's."""
+    return [
+        *bitmaps.checkerboard_assignments(restricted(targets, Checkerboard)),
+        *bitmaps.bitmap_assignments(restricted(targets, Bitmap), shapes),
+        *procedural.assignments(restricted(targets, Procedural), shapes),
+    ]
 
 
-def declarations(scene: Scene) -> list[str]:
+def declarations(shapes: Sequence[Shape]) -> list[str]:
     """Includes, uniforms and functions that the statements need."""
-    return []
+    return [
+        *uv.uv_include(uv_users(shapes)),
+        *bitmaps.declarations(shapes),
+        *procedural.declarations(shapes),
+    ]
 
 
-def needs_uv(scene: Scene) -> bool:
-    """Whether any texture of the scene looks at (u, v)."""
-    return False
+def uv_users(shapes: Sequence[Shape]) -> list[int]:
+    """The shapes of which a texture looks at (u, v), by their index."""
+    return [index for index, shape in enumerate(shapes)
+            if any(isinstance(texture, Bitmap | Checkerboard)
+                   for texture in (shape.material.kd, shape.material.ks, shape.material.alpha, shape.emission))]
