@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,10 +91,24 @@ def test_no_negative_zero_in_transforms() -> None:
     assert not re.search(r"-0\.0\b(?!\d)", chunk)
 
 
+def constant(scene: Scene) -> Scene:
+    """The scene without textures and environment map, which have tests of their own."""
+    def colour(value: Any) -> Any:
+        return value if value is None or isinstance(value, tuple | float | int) else (0.25, 0.5, 0.125)
+
+    shapes = []
+    for shape in scene.shapes:
+        m = shape.material
+        alpha = m.alpha if isinstance(m.alpha, float | int) else 3.0
+        material = dataclasses.replace(m, kd=colour(m.kd), ks=colour(m.ks), alpha=alpha)
+        shapes.append(dataclasses.replace(shape, material=material, emission=colour(shape.emission)))
+    return dataclasses.replace(scene, shapes=tuple(shapes), environment=colour(scene.environment))
+
+
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_every_shape_gets_its_own_material_and_emission(path: Path) -> None:
-    """In the scenes that the project ships, shape by shape."""
-    scene = load_scene(path)
+    """In the scenes that the project ships, shape by shape; a colour stands for whatever varies."""
+    scene = constant(load_scene(path))
     np.testing.assert_array_equal(described(scene), expected(scene))
 
 
