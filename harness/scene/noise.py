@@ -28,6 +28,9 @@ UNIT = 2.0**-24
 # faces of a cell that hold 0 and 1. (Found over all 256 ways to put 0 and 1 on the corners; the gradient's length is a
 # convex function of the eight values, so no values between reach more.)
 STEEPEST_NOISE = 15 / 8
+# The same for |u·Hu|, H the Hessian and u any unit vector: 2 (15/8)², reached in the middle between two faces that hold
+# 0 1 1 0 around. (Over the corners' 128 ways, up to exchanging 0 and 1, and a grid of 21³ places; convex as well.)
+SHARPEST_NOISE = 225 / 32
 
 Triple = tuple[Any, Any, Any]
 
@@ -99,3 +102,9 @@ def steepest_fbm(octaves: int, lacunarity: float, gain: float) -> float:
     """A bound on |∇fbm|, so on the change of fbm per unit of distance (Lipschitz)."""
     octave = range(octaves)
     return STEEPEST_NOISE * sum((gain * lacunarity)**i for i in octave) / sum(gain**i for i in octave)
+
+
+def sharpest_fbm(octaves: int, lacunarity: float, gain: float) -> float:
+    """A bound on fbm's second derivative along any straight line."""
+    octave = range(octaves)
+    return SHARPEST_NOISE * sum((gain * lacunarity**2)**i for i in octave) / sum(gain**i for i in octave)

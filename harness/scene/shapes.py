@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from harness.scene.displaced import load_displacement, refuse_surface_textures
 from harness.scene.materials import load_material
 from harness.scene.model import Material, Shape, ShapeKind, Texture, as_matrix
 from harness.scene.motion import load_motion
@@ -13,6 +14,7 @@ from harness.scene.textures import load_texture
 # What each shape takes besides `to_world`, `flip_normals` and `motion`.
 PARAMETERS: dict[ShapeKind, tuple[str, ...]] = {
     "sphere": ("center", "radius"), "rectangle": (), "disk": (), "cube": (), "cylinder": ("p0", "p1", "radius"),
+    "displacedsphere": ("center", "radius", "amplitude", "displacement"),
 }
 # How far two edges of a frame may be from equal and at right angles, relative to their squared length: what float32
 # leaves of composed rotations. An area that is off by as much is far below any tolerance.
@@ -24,17 +26,21 @@ def load_shape(node: Node) -> Shape:
     if node.plugin not in PARAMETERS:
         raise node.refuse(PARAMETERS)
     kind: ShapeKind = next(shape for shape in PARAMETERS if shape == node.plugin)
+    displacement = load_displacement(node, _radius(node)) if kind == "displacedsphere" else None
     material, emission = _surface(node)
     matrix = node.transform()
     flip = node.boolean("flip_normals", False)
     if kind == "sphere":
         matrix, flip = _sphere(node, matrix, flip)
+    elif kind == "displacedsphere":
+        matrix, _ = _sphere(node, matrix, flip)  # its front stays outside when mirrored
+        refuse_surface_textures(node, material, emission)
     elif kind == "cylinder":
         matrix = _cylinder(node, matrix, emits=emission is not None)
     motion = load_motion(node)
     node.done((*PARAMETERS[kind], "to_world", "flip_normals", "motion"))
     _refuse_extremes(node, matrix)
-    return Shape(kind, as_matrix(matrix), material, emission, flip, motion, name=node.name)
+    return Shape(kind, as_matrix(matrix), material, emission, flip, motion, displacement, node.name)
 
 
 def _surface(node: Node) -> tuple[Material, Texture | None]:
@@ -67,7 +73,7 @@ def _sphere(node: Node, matrix: np.ndarray, flip: bool) -> tuple[np.ndarray, boo
     center = node.point("center", (0.0, 0.0, 0.0))
     radius = _radius(node)
     if not _is_even(matrix[:3, :3]):  # Mitsuba makes some sphere of it, of another size
-        raise node.error("'to_world' of a sphere must not shear or scale unevenly; "
+        raise node.error(f"'to_world' of a {node.plugin} must not shear or scale unevenly; "
                          "use rotation, translation and uniform scale")
     local = np.diag([radius, radius, radius, 1.0])
     local[:3, 3] = center
