@@ -120,7 +120,7 @@ BODIES = {
                             "one nested BSDF, found 2"),
     # emitters
     "emitter of Mitsuba": ('<emitter type="point"/>', "emitter 'point' is not supported; supported: constant"),
-    "area light of nothing": ('<emitter type="area"/>', "emitter 'area' is not supported; supported: constant, envmap (in"),
+    "area light of nothing": ('<emitter type="area"/>', "emitter 'area' is not supported; supported: constant, envmap"),
     "constant in a shape": (shape('<emitter type="constant"/>'),
                             "emitter 'constant' is not supported; supported: area"),
     "second environment": ('<emitter type="constant"/><emitter type="constant"/>', "a scene has one environment"),
