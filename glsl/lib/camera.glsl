@@ -5,6 +5,8 @@
 #ifndef LIB_CAMERA
 #define LIB_CAMERA
 
+#include "lib/trigonometry.glsl"
+
 // The ray through `film` in [0,1]², (0,0) at the bottom left, from the near plane; `reach` is its length to the
 // far plane.
 void camera_ray(vec2 film, out vec3 o, out vec3 d, out float reach)
@@ -26,7 +28,7 @@ vec2 sample_disk(vec2 u)
     bool steep = abs(square.x) < abs(square.y);
     vec2 folded = steep ? square.yx : square;
     float phi = folded.x != 0.0 ? 0.785398163397448 * folded.y / folded.x : 0.0;  // at most π/4 either way
-    vec2 p = folded.x * vec2(cos(phi), sin(phi));
+    vec2 p = folded.x * cos_sin(phi);
     return steep ? p.yx : p;
 }
 

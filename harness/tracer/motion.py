@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -41,7 +42,7 @@ class Motions:
         for index in self._turning():
             steady = screw(self.shapes[index][0])
             sine, versine = steady.swing
-            body.append(f"pose_{index} = screw_pose({vector(steady.axis)}, {number(steady.angle)}, "
+            body.append(f"pose_{index} = screw_pose({vector(steady.axis)}, {number(steady.angle / math.tau)}, "
                         f"{vector(steady.slide)}, {vector(sine)}, {vector(versine)});")
         return [*lines, *function("void set_time(float u)", body), *self._ways()]
 
