@@ -86,6 +86,7 @@ class TileSamples:
         weights = (self.samples / total)[:, None, None, None]
         with np.errstate(invalid="ignore"):  # of values that are not finite, whose tile is judged by that
             mean = (weights * self.means).sum(axis=0)
+            mean[~np.isfinite(mean)] = np.nan
             away = self.means - mean
             squares = weights * away * away
             second, third = squares.sum(axis=0), (weights * squares * away).sum(axis=0)
