@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from harness.scene.model import Scene
 from harness.scene.motion import settled
+from harness.tracer.displaced import march_declarations
 from harness.tracer.environment import environment_function
 from harness.tracer.geometry import intersect_function, normal_function
 from harness.tracer.literals import in_comment, number, vector
@@ -36,6 +37,7 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
         "",
         *_camera(scene),
         *declarations(shapes),
+        *march_declarations(shapes),
         *motions.declarations(),
         *intersect_function(shapes, motions),
         *normal_function(shapes),

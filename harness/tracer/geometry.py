@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.scene.model import Shape, ShapeKind
+from harness.tracer.displaced import march_normal, march_statements
 from harness.tracer.literals import function, in_comment, number, rows, vector
 from harness.tracer.motion import Motions
 
@@ -28,9 +29,13 @@ def intersect_function(shapes: Sequence[Shape], motions: Motions) -> list[str]:
         *(f"    {line}" for line in motions.rays()),
     ]
     for index, shape in enumerate(shapes):
+        if shape.kind == "displacedsphere":
+            continue
         note = f"  // {in_comment(shape.name)}" if shape.name else ""
         lines.append(f"    s = hit_{shape.kind}({motions.ray(index)}, {_placement(shape)});{note}")
         lines.append(f"    if (s < t) {{ t = s; id = {index}; }}")
+    # Last, because what lies nearer ends the marching.
+    lines += (f"    {line}" for line in march_statements(shapes, motions))
     return [*lines, "    return t;", "}", ""]
 
 
@@ -56,6 +61,7 @@ def normal_function(shapes: Sequence[Shape]) -> list[str]:
     for index, shape in _of_kind(shapes, "cylinder"):
         row_x, row_y = (vector(row) for row in np.linalg.inv(shape.matrix)[:2])
         body.append(f"if (id == {index}) n = {'-' * shape.flip_normals}cylinder_normal(p, {row_x}, {row_y});")
+    body += march_normal(shapes)
     comment = "// The outward unit normal of shape `id` at p."
     return [comment, *function("vec3 surface_normal(int id, vec3 p)", [*body, "return n;"])]
 

@@ -16,6 +16,8 @@ from harness.files import data_dir
 from harness.scene.model import Scene, is_black
 from harness.tracer.codegen import STRATEGIES, scene_chunk
 from harness.tracer.context import Program, context, describe_gl
+from harness.tracer.samplers import Samplers
+from harness.tracer.displaced import march_steps
 from harness.tracer.source import ShaderSource, assemble
 
 # Past about 65,535 iterations of all loops of one invocation llvmpipe leaves the loop without an error and the
@@ -78,13 +80,15 @@ class TracerRenderer:
         self.strategy = check_strategy(scene, strategy)
         self.source = source or tracer_source(scene, strategy)
         self._program = Program(self.source)
+        self._samplers = Samplers(scene)
         self._size = (scene.width, scene.height)
         gl = context()
         self._textures = [gl.texture(self._size, 4, dtype="f4") for _ in range(2)]
         for texture in self._textures:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._framebuffers = [gl.framebuffer([texture]) for texture in self._textures]
-        self._max_samples = max(1, min(MAX_SAMPLES_PER_PASS, MAX_ITERATIONS // scene.max_depth))
+        iterations = scene.max_depth * (1 + march_steps(scene))  # of one sample, at most
+        self._max_samples = max(1, min(MAX_SAMPLES_PER_PASS, MAX_ITERATIONS // iterations))
         self._draw_work = FIRST_DRAW
 
     @property
@@ -117,6 +121,7 @@ class TracerRenderer:
     def release(self) -> None:
         """Free the GL objects; the renderer must not be used afterwards."""
         self._program.release()
+        self._samplers.release()
         for framebuffer, texture in zip(self._framebuffers, self._textures, strict=True):
             framebuffer.release()
             texture.release()
@@ -134,7 +139,7 @@ class TracerRenderer:
             self._textures[source].use(0)
             self._framebuffers[target].use()
             self._program.set({
-                "pingpong0": 0, "numpass": numpass, "samples_per_pass": count, "replica": replica,
+                "pingpong0": 0, **self._samplers.bind(1), "numpass": numpass, "samples_per_pass": count, "replica": replica,
                 # The shader adds numpass * samples_per_pass; passes may differ in size, so it is taken off here.
                 "first_sample": (first + done - numpass * count) % SEEDS,
             })
