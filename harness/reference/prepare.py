@@ -34,6 +34,9 @@ def instantiate(scene: Scene) -> Any:
             _equip(mi, node.props, scene)
         elif node.type == mi.ObjectType.Integrator and "strategies" in node.props:
             del node.props["strategies"]
+        elif node.props.plugin_name() in ("bitmap", "envmap"):
+            # Mitsuba looks in the process's folder too, before all others; the loader in the scene's alone.
+            node.props["filename"] = str((scene.path.parent / node.props["filename"]).absolute())
     config = mi.parser.ParserConfig(REFERENCE_VARIANT)
     # Merging meshes of one BSDF refuses those whose flip_normals differ, which the scene format allows.
     config.merge_meshes = False

@@ -16,8 +16,8 @@ from harness.files import data_dir
 from harness.scene.model import Scene, is_black
 from harness.tracer.codegen import STRATEGIES, scene_chunk
 from harness.tracer.context import Program, context, describe_gl
-from harness.tracer.samplers import Samplers
 from harness.tracer.displaced import march_steps
+from harness.tracer.samplers import Samplers
 from harness.tracer.source import ShaderSource, assemble
 
 # Past about 65,535 iterations of all loops of one invocation llvmpipe leaves the loop without an error and the
