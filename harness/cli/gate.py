@@ -1,0 +1,78 @@
+"""`harness gate`: the tolerance gates of a file, without pytest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from harness.cli.options import CacheOption, open_store
+from harness.cli.output import JsonOption, print_json, print_rich, progress
+
+if TYPE_CHECKING:
+    from harness.gates import GateResult
+
+
+def gate(
+    file: Annotated[Path, typer.Argument(help="A gates file (.toml).")] = Path("tests/gates.toml"),
+    only: Annotated[list[str] | None, typer.Option("--only", metavar="NAME", help="Run this gate alone; may be given "
+                                                   "several times.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the summary page, and for what gates that "
+                                         "do not pass leave behind.")] = Path("reports/out/gates"),
+    cache: CacheOption = True,
+    json: JsonOption = False,
+) -> int:
+    """Run tolerance gates: each draws samples until it is decided or its budget ends.
+
+    The reference is kept in the cache; what is under test is rendered each time. Gates that do not pass leave images,
+    maps, curve and numbers in a folder of their name. Exit status 0 when all pass, 1 when one fails or its samples do
+    not decide.
+
+    Example: `harness gate --only spheres-mixture`
+    """
+    from harness import gates
+    from harness.files import require_writable
+    from harness.gates import artefacts, runner, summary
+
+    family = gates.load_gates(file)
+    chosen = family.select(only or [])
+    for item in chosen:
+        runner.check_gate(item)  # a bad one shows before the first is rendered
+    require_writable(output / summary.HTML)
+    references = gates.References(open_store(cache))
+    results = []
+    with progress(len(chosen), file.name) as advance:
+        for item in chosen:
+            result = gates.run_gate(item, references, progress=progress)
+            artefacts.save_result(result, output / item.name, pictures=result.outcome != "pass")
+            results.append(result)
+            advance(1)
+    found = [artefacts.as_json(result) for result in results]
+    pages = summary.write_summary(found, output)
+    if json:
+        print_json({"file": file, "false_alarms": family.false_alarms, "summary": pages, "gates": found})
+    else:
+        _print(results, found, output)
+    return 0 if all(result.outcome == "pass" for result in results) else 1
+
+
+def _print(results: list[GateResult], found: list[dict[str, Any]], output: Path) -> None:
+    from rich.table import Table
+
+    from harness.gates.summary import HTML, counted, percent
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("gate", "outcome", "mean error", "interval", "tolerance", "spp", "of", "s"):
+        table.add_column(heading, justify="left" if heading in ("gate", "outcome") else "right")
+    for item in found:
+        table.add_row(item["gate"], item["outcome"], percent(item["error"][3], signed=True),
+                      f"{percent(item['low'][3], signed=True)} to {percent(item['high'][3], signed=True)}",
+                      f"±{percent(item['tests']['mean']['tolerance'])}", str(item["samples"]), str(item["budget"]),
+                      f"{item['seconds']:.1f}")
+    print_rich(table)
+    for result, item in zip(results, found, strict=True):
+        if result.outcome != "pass":
+            print(f"{item['gate']}: {item['outcome']}: {item['reason']}; see {output / item['gate']}; "
+                  f"{item['command']}")
+    print(f"{counted(found)}; {output / HTML}")

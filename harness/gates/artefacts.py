@@ -1,0 +1,187 @@
+"""What a gate leaves behind: images, maps, the curve, the numbers, and the command that runs it again."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+import shlex
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import FuncFormatter, NullLocator, PercentFormatter
+
+from harness.exr import write_estimate
+from harness.files import write_atomically
+from harness.gates.model import Gate, GateResult
+from harness.images import write_png
+from harness.report.pictures import DIFFERENCE_MAP, difference_map, robust_limit
+from harness.report.style import RC, TOLERANCE_COLOUR, strategy_style
+
+RESULT_FILE = "result.json"
+IMAGES = ("test.exr", "test.png", "reference.exr", "reference.png")
+Z_MAP, DIFFERENCE, CURVE = "z-map.png", "difference.png", "curve.svg"
+PICTURES = ("test.png", "reference.png", DIFFERENCE, Z_MAP, CURVE)
+
+# The difference map's range is at least that of visible errors, the z-map's that of chance.
+LEAST_DIFFERENCE = 0.02
+LEAST_Z = 5.0
+_MAP_CM, _CURVE_CM, _DPI, _CM = (13.0, 9.5), (17.0, 7.0), 110, 1 / 2.54
+
+
+def save_result(result: GateResult, folder: Path, *, pictures: bool = True) -> None:
+    """Write result.json into `folder` and, if asked, images, maps and curve; what an earlier run left is removed.
+
+    StoreError when a file cannot be written.
+    """
+    clear(folder)
+    if pictures:
+        facts = {"gate": result.gate.name, "strategy": result.gate.strategy, "exposure": result.exposure}
+        for name, estimate in (("test", result.test), ("reference", result.reference)):
+            write_estimate(folder / f"{name}.exr", estimate, facts)
+            write_png(folder / f"{name}.png", estimate.mean, result.exposure)
+        settings: Any = {**RC, "svg.hashsalt": result.gate.name}
+        with matplotlib.rc_context(settings):
+            _write(folder / Z_MAP, _z_map(result))
+            _write(folder / DIFFERENCE, _difference(result))
+            _write(folder / CURVE, _curve(result))
+    with write_atomically(folder / RESULT_FILE) as partial:
+        partial.write_text(json.dumps(as_json(result), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def clear(folder: Path) -> None:
+    """Remove what an earlier run of the gate left in its folder."""
+    for name in (*IMAGES, *PICTURES, RESULT_FILE):
+        with suppress(OSError):
+            (folder / name).unlink()
+
+
+def command(gate: Gate) -> str:
+    """The command that runs the gate again."""
+    file = gate.origin.rpartition(":")[0]
+    with suppress(ValueError):  # another drive
+        if not (relative := os.path.relpath(file)).startswith(".."):
+            file = relative
+    return f"harness gate {shlex.quote(file)} --only {gate.name}"
+
+
+def as_json(result: GateResult) -> dict[str, Any]:
+    """The result as JSON types; NaN and infinity are None."""
+    gate, verdict = result.gate, result.verdict
+    return {
+        "gate": gate.name, "outcome": result.outcome, "reason": result.reason, "why": gate.reason,
+        "scene": gate.scene.stem, "strategy": gate.strategy, "origin": gate.origin, "command": command(gate),
+        "error": _numbers(verdict.mean.error[0, 0]), "low": _numbers(verdict.mean.low[0, 0]),
+        "high": _numbers(verdict.mean.high[0, 0]), "confidence": round(1 - gate.pass_level, 12),
+        "tests": {name: {
+            "outcome": part.outcome, "reason": part.reason, "tolerance": part.tolerance, "tile": part.tile,
+            "p": part.p, "largest_error": _number(np.max(np.abs(part.error))),
+            "smallest_detectable": _number(result.smallest_detectable[name]),
+        } for name, part in (("mean", verdict.mean), ("coarse", verdict.coarse), ("fine", verdict.fine))},
+        "looks": [{
+            "samples": look.samples, "reference_samples": look.reference_samples, "outcome": look.verdict.outcome,
+            "reason": look.verdict.reason, "error": _number(look.verdict.mean.error[0, 0, 3]),
+            "low": _number(look.verdict.mean.low[0, 0, 3]), "high": _number(look.verdict.mean.high[0, 0, 3]),
+        } for look in result.looks],
+        "curve": [{"samples": point.samples, "error": _number(point.error), "low": _number(point.low),
+                   "high": _number(point.high), "tile_rmse": _number(point.tile_rmse)} for point in result.curve],
+        "samples": result.test.samples, "budget": gate.spp * gate.replicas, "not_finite": result.test.rejected,
+        "fail_level": gate.fail_level, "seconds": round(result.seconds, 3),
+    }
+
+
+def _numbers(values: np.ndarray) -> list[float | None]:
+    return [_number(value) for value in values]
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _write(path: Path, figure: Figure) -> None:
+    buffer = io.BytesIO()
+    if path.suffix == ".svg":
+        FigureCanvasSVG(figure)
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    else:
+        FigureCanvasAgg(figure)
+        figure.savefig(buffer, format="png", dpi=_DPI)
+    with write_atomically(path) as partial:
+        partial.write_bytes(buffer.getvalue())
+
+
+def _z_map(result: GateResult) -> Figure:
+    """Errors of the smaller tiles over their standard errors, of the channel in which each is largest."""
+    fine = result.verdict.fine
+    channel = np.abs(np.nan_to_num(fine.z)).argmax(axis=-1)[..., None]
+    z = np.take_along_axis(fine.z, channel, axis=-1)[..., 0]
+    limit = max(LEAST_Z, float(np.nanmax(np.abs(z), initial=0.0)))
+    height, width = result.test.mean.shape[:2]
+    figure = _map(z.repeat(fine.tile, axis=0).repeat(fine.tile, axis=1)[:height, :width], limit,
+                  f"{result.gate.name}: error of each tile over its standard error",
+                  f"z; chance stays within ±{fine.critical:.1f}")
+    row, column = fine.worst
+    corner = (column * fine.tile - 0.5, row * fine.tile - 0.5)
+    figure.axes[0].add_patch(Rectangle(corner, fine.tile, fine.tile, fill=False, edgecolor="black", linewidth=1.2))
+    return figure
+
+
+def _difference(result: GateResult) -> Figure:
+    """The signed relative difference of luminance of each pixel."""
+    difference = difference_map(result.test.mean, result.reference.mean)
+    figure = _map(difference, robust_limit([difference], LEAST_DIFFERENCE),
+                  f"{result.gate.name}: relative difference of luminance", "(test − reference) / reference")
+    figure.axes[1].yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+    return figure
+
+
+def _map(values: np.ndarray, limit: float, title: str, label: str) -> Figure:
+    figure = Figure(figsize=(_MAP_CM[0] * _CM, _MAP_CM[1] * _CM), layout="constrained")
+    axes = figure.subplots()
+    axes.set_facecolor("#a0a0a0")  # what is not finite
+    shown = axes.imshow(values, cmap=DIFFERENCE_MAP, vmin=-limit, vmax=limit, interpolation="nearest")
+    axes.set_title(title, loc="left")
+    figure.colorbar(shown, ax=axes, label=label, extend="both", shrink=0.85)
+    return figure
+
+
+def _curve(result: GateResult) -> Figure:
+    """Mean error with its interval inside the tolerance's band, and the tiles' RMSE, against samples per pixel."""
+    figure = Figure(figsize=(_CURVE_CM[0] * _CM, _CURVE_CM[1] * _CM), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    style = strategy_style(result.gate.strategy)
+    samples = np.array([point.samples for point in result.curve])
+    tolerance = result.gate.tolerance.mean
+    left.axhspan(-tolerance, tolerance, color=TOLERANCE_COLOUR, linewidth=0, zorder=0)
+    left.axhline(0, color="#888888", linewidth=0.5)
+    values = np.array([(point.error, point.low, point.high) for point in result.curve]).T
+    left.fill_between(samples, values[1], values[2], color=style.colour, alpha=0.18, linewidth=0)
+    left.plot(samples, values[0], color=style.colour, marker=style.marker)
+    for look in result.looks:
+        left.axvline(look.samples, color="#888888", linewidth=0.5, linestyle=(0, (2, 2)))
+    left.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+    left.set_title("Mean error of luminance; dashed: looks", loc="left")
+    rmse = np.array([point.tile_rmse for point in result.curve])
+    positive = rmse > 0
+    if positive.any():
+        right.plot(samples[positive], rmse[positive], color=style.colour, marker=style.marker)
+        guide = rmse[positive][0] * np.sqrt(samples[positive][0] / samples)
+        right.plot(samples, guide, color="#888888", linewidth=0.6, linestyle=(0, (2, 2)))
+        right.set_yscale("log")
+        right.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+        right.yaxis.set_minor_formatter(PercentFormatter(1.0, decimals=None))
+    right.set_title("RMSE of the smaller tiles; dashed: slope −1/2", loc="left")
+    for axes in (left, right):
+        axes.set_xscale("log", base=2)
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:,.0f}".replace(",", " ")))
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.set_xlabel("samples per pixel")
+    return figure

@@ -1,0 +1,159 @@
+"""What a gate is and what running it found, as plain values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import HarnessError
+from harness.estimate import Estimate
+from harness.stats.bias import Outcome
+from harness.stats.verdicts import BiasVerdict, TileVerdict, Tolerance
+
+# Looks are at 1/4, 1/2 and all of the budget: an easy gate is spared three quarters of it.
+LOOK_SHARES = (4, 2, 1)
+# Fewer at the first look do not tell their own variance; with eight Student's t is within 20 % of the normal deviate.
+MIN_FIRST_LOOK = 8
+MIN_REPLICAS = MIN_FIRST_LOOK * LOOK_SHARES[0]
+# A look at the first replicas of a shared reference must find each by itself (stats.tiles.MAX_BATCHES).
+MAX_REPLICAS = 256
+
+
+@dataclass(frozen=True)
+class MitsubaReference:
+    """Mitsuba renders `spp` samples per pixel for each replica of the test."""
+
+    spp: int
+
+
+@dataclass(frozen=True)
+class FileReference:
+    """A ready image: an .exr of `harness reference` with its variance, or an exact one."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
+class ValueReference:
+    """A closed form that is the same for all pixels: linear Rec.709 radiance."""
+
+    rgb: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Gate:
+    """One scene rendered with one strategy must equal its reference, within a tolerance, for a reason.
+
+    `spp` is of each replica and `replicas` the most that may be drawn: together the budget. `size`: (width, height),
+    the film's own where None. `not_finite`: the share of samples that may be neither finite nor counted. `shader`
+    stands in for path_tracer.frag; files in the folder `glsl` stand in for the library's of the same name.
+    `fail_level` and `pass_level` are those of `stats.sequential.Sequence`, the former this gate's share of its
+    family's. `origin`: file and line, where messages point; `entry`: the name of the entry of the file, which stands
+    for one gate a strategy.
+    """
+
+    name: str
+    scene: Path
+    strategy: str
+    reason: str
+    reference: MitsubaReference | FileReference | ValueReference
+    tolerance: Tolerance
+    spp: int
+    replicas: int
+    size: tuple[int, int] | None
+    fail_level: float
+    pass_level: float
+    entry: str
+    origin: str
+    not_finite: float = 0.0
+    shader: Path | None = None
+    glsl: Path | None = None
+
+    @property
+    def looks(self) -> tuple[int, ...]:
+        """The numbers of replicas at which the gate looks."""
+        return tuple(self.replicas // share for share in LOOK_SHARES)
+
+    def error(self, message: str) -> HarnessError:
+        """A HarnessError that begins with where the gate stands and which it is."""
+        return HarnessError(f"{self.origin}: gate '{self.name}': {message}")
+
+
+@dataclass(frozen=True)
+class GatesFile:
+    """All gates of one file: a family, which raises a false alarm with probability `false_alarms` at the most."""
+
+    path: Path
+    gates: tuple[Gate, ...]
+    false_alarms: float
+
+    def select(self, names: list[str]) -> tuple[Gate, ...]:
+        """The gates of these names, or of entries of these names; HarnessError for a name that is neither."""
+        for name in names:
+            if not any(name in (gate.name, gate.entry) for gate in self.gates):
+                known = ", ".join(gate.name for gate in self.gates)
+                raise HarnessError(f"{self.path}: no gate is called '{name}'; choose from {known}")
+        return tuple(gate for gate in self.gates if not names or gate.name in names or gate.entry in names)
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """One look: samples per pixel of test and reference so far, and the verdict on them."""
+
+    samples: int
+    reference_samples: int
+    verdict: BiasVerdict
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """The first samples of a run against the whole reference.
+
+    `error`: of the mean luminance, relative; `low`, `high`: its interval at the gate's confidence, NaN for a single
+    replica; `tile_rmse`: root of the mean squared relative error of the smaller tiles' luminance.
+    """
+
+    samples: int
+    error: float
+    low: float
+    high: float
+    tile_rmse: float
+
+
+@dataclass(frozen=True, eq=False)
+class GateResult:
+    """What running a gate found.
+
+    `outcome` and `reason` are those of the last look, or of samples that were not finite. A pass means that the error
+    of the image and of every tile lies within its tolerance at the gate's confidence, so a bias as large as a tolerance
+    passes with probability `pass_level` / 2 at the most: a gate that cannot see so far does not pass.
+    `seconds` is wall time, the reference included.
+    """
+
+    gate: Gate
+    outcome: Outcome
+    reason: str
+    looks: tuple[Look, ...]
+    curve: tuple[CurvePoint, ...]
+    test: Estimate
+    reference: Estimate
+    exposure: float
+    seconds: float
+
+    @property
+    def verdict(self) -> BiasVerdict:
+        """The verdict at the last look."""
+        return self.looks[-1].verdict
+
+    @property
+    def smallest_detectable(self) -> dict[str, float]:
+        """The smallest bias that was sure (probability 0.95) to make this gate fail: of the image's mean luminance,
+        and in the larger and the smaller tile where it is hardest to see."""
+        return {"mean": _detectable(self.verdict.mean), "coarse": _detectable(self.verdict.coarse),
+                "fine": _detectable(self.verdict.fine)}
+
+
+def _detectable(verdict: TileVerdict) -> float:
+    return verdict.tolerance + float(np.max(verdict.smallest_detectable[..., 3]))

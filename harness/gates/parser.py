@@ -1,0 +1,261 @@
+"""From a TOML file to gates: every key typed and checked, and whatever is wrong refused with file and line."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from harness.errors import HarnessError
+from harness.files import data_dir
+from harness.gates.lines import Lines, Way, lines
+from harness.gates.model import (
+    LOOK_SHARES,
+    MAX_REPLICAS,
+    MIN_REPLICAS,
+    FileReference,
+    Gate,
+    GatesFile,
+    MitsubaReference,
+    ValueReference,
+)
+from harness.stats.levels import family_level
+from harness.stats.verdicts import Tolerance
+from harness.tracer.codegen import STRATEGIES
+
+# What a gate has that neither it nor the file's [defaults] mention.
+DEFAULTS: dict[str, Any] = {"spp": 64, "replicas": 32, "reference": {"spp": 32}, "confidence": 0.95, "not_finite": 0.0}
+# The whole file raises a false alarm with at most this probability, unless its [suite] says otherwise.
+FALSE_ALARMS = 0.01
+MAX_SPP = 1 << 16  # of one replica
+MAX_SIDE = 4096
+
+_GATE_KEYS = ("name", "scene", "strategy", "reason", "tolerance", "spp", "replicas", "size", "reference", "confidence",
+              "not_finite", "shader", "glsl")
+_OWN_KEYS = ("name", "scene", "reason")  # which have no default
+_FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+
+
+def load_gates(path: str | Path) -> GatesFile:
+    """Read a gates file. HarnessError, in one line with file and line, for anything that no gate can be made of."""
+    path = Path(path)
+    root = _Table(path, *_parse(path), ())
+    root.only("suite", "defaults", "gate")
+    suite = root.table("suite")
+    suite.only("false_alarms")
+    false_alarms = suite.number("false_alarms", FALSE_ALARMS, low=0.0, high=0.5)
+    defaults = root.table("defaults")
+    defaults.only(*(key for key in _GATE_KEYS if key not in _OWN_KEYS))
+    gates = [gate for entry in root.tables("gate") for gate in _gates(entry, defaults)]
+    if not gates:
+        raise HarnessError(f"{path}:1: no gate in this file; add a [[gate]] with name, scene, strategy and reason")
+    seen: dict[str, Gate] = {}
+    for gate in gates:
+        if gate.name in seen:
+            raise gate.error(f"the name is taken by {seen[gate.name].origin}; choose another")
+        seen[gate.name] = gate
+    level = family_level(false_alarms, len(gates))
+    return GatesFile(path, tuple(dataclasses.replace(gate, fail_level=level) for gate in gates), false_alarms)
+
+
+def _parse(path: Path) -> tuple[dict[str, Any], Lines]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except IsADirectoryError:
+        raise HarnessError(f"{path}: a folder, not a gates file; name a .toml file") from None
+    except OSError as error:
+        raise HarnessError(f"{path}: the gates file cannot be read ({error.strerror}); name a .toml file") from None
+    except ValueError:
+        raise HarnessError(f"{path}: not UTF-8 text; save the file in the encoding UTF-8") from None
+    try:
+        return tomllib.loads(text), lines(text)
+    except tomllib.TOMLDecodeError as error:
+        message = str(error)
+        found = re.search(r"\(at line (\d+), column \d+\)", message)
+        line = found[1] if found else len(text.splitlines()) or 1  # "(at end of document)"
+        raise HarnessError(f"{path}:{line}: malformed TOML: {message.partition(' (at')[0]}") from None
+
+
+def _gates(entry: _Table, defaults: _Table) -> Iterator[Gate]:
+    """The gates of one entry: one for each strategy, with its name appended where there is a list of them."""
+    entry.only(*_GATE_KEYS)
+    name = entry.text("name")
+    if not _FOLDER_NAME.fullmatch(name):
+        raise entry.error("name", f"a gate's name becomes that of a folder: letters, digits, '.', '_' and '-', found "
+                                  f"'{name}'")
+    reason = entry.text("reason")
+    scene = _scene(entry)
+    merged = entry.over(defaults)
+    listed = isinstance(merged.value("strategy"), list)
+    for strategy in _strategies(merged):
+        yield Gate(
+            name=f"{name}-{strategy}" if listed else name, entry=name, scene=scene, strategy=strategy, reason=reason,
+            reference=_reference(merged), tolerance=_tolerance(merged), spp=merged.integer("spp", 1, MAX_SPP),
+            replicas=_replicas(merged), size=_size(merged), fail_level=FALSE_ALARMS,
+            pass_level=1 - merged.number("confidence", low=0.5, high=1.0),
+            not_finite=merged.number("not_finite", low=0.0, high=1.0, or_low=True),
+            shader=merged.file("shader"), glsl=merged.file("glsl", folder=True), origin=entry.origin())
+
+
+def _scene(entry: _Table) -> Path:
+    """A file beside the gates file, or the name of a bundled scene."""
+    named = entry.text("scene")
+    if named.endswith(".xml") or "/" in named:
+        return entry.existing("scene", named)
+    bundled = data_dir("mitsuba_scenes")
+    if not (bundled / f"{named}.xml").is_file():
+        known = ", ".join(sorted(path.stem for path in bundled.glob("*.xml")))
+        raise entry.error("scene", f"unknown scene '{named}'; name an .xml file, or one of {known}")
+    return bundled / f"{named}.xml"
+
+
+def _strategies(table: _Table) -> tuple[str, ...]:
+    named = table.value("strategy")
+    names = named if isinstance(named, list) else [named]
+    for name in names:
+        if name not in STRATEGIES:
+            raise table.error("strategy", f"unknown strategy {name!r}; choose from {', '.join(STRATEGIES)}")
+    if not names or len(set(names)) < len(names):
+        raise table.error("strategy", f"expected one or more strategies, each once, found {named}")
+    return tuple(names)
+
+
+def _tolerance(table: _Table) -> Tolerance:
+    given = table.table("tolerance")
+    given.only("mean", "coarse", "fine")
+    standard = Tolerance()
+    mean, coarse, fine = (given.number(key, getattr(standard, key), low=0.0, high=1.0, or_high=True)
+                          for key in ("mean", "coarse", "fine"))
+    for key, value, wider, bound in (("coarse", coarse, "mean", mean), ("fine", fine, "coarse", coarse)):
+        if value < bound:
+            raise given.error(key if key in given.values else wider,
+                              f"contradictory tolerances: '{key}' ({value:g}), of a part of the image, is below "
+                              f"'{wider}' ({bound:g}), of more of it; a part is the harder to see: give it as much")
+    return Tolerance(mean, coarse, fine)
+
+
+def _replicas(table: _Table) -> int:
+    replicas = table.integer("replicas", 1, MAX_REPLICAS)
+    if replicas < MIN_REPLICAS:
+        raise table.error("replicas", f"a budget of {replicas} replicas is too small to decide: the first look, at a "
+                                      f"{LOOK_SHARES[0]}th of it, must tell its own variance; {MIN_REPLICAS} would do "
+                                      "('spp' may be made smaller instead)")
+    if replicas % LOOK_SHARES[0]:
+        raise table.error("replicas", f"must be a multiple of {LOOK_SHARES[0]}, found {replicas}")
+    return replicas
+
+
+def _size(table: _Table) -> tuple[int, int] | None:
+    if "size" not in table.values:
+        return None
+    found = table.values["size"]
+    if not (isinstance(found, list) and len(found) == 2 and all(type(n) is int and 1 <= n <= MAX_SIDE for n in found)):
+        raise table.error("size", f"expected [width, height], each 1 to {MAX_SIDE}, found {found}")
+    return found[0], found[1]
+
+
+def _reference(table: _Table) -> MitsubaReference | FileReference | ValueReference:
+    given = table.table("reference")
+    given.only("spp", "file", "value")
+    if len(given.values) != 1:
+        raise table.error("reference", 'expected one of { spp = 32 }, { file = "truth.exr" }, { value = [1, 1, 1] }, '
+                                       f"found {len(given.values)} keys")
+    if "spp" in given.values:
+        return MitsubaReference(given.integer("spp", 1, MAX_SPP))
+    if "file" in given.values:
+        return FileReference(given.existing("file", given.text("file")))
+    value = given.values["value"]
+    if not (isinstance(value, list) and len(value) == 3 and all(_is_number(v) and v >= 0 for v in value)):
+        raise given.error("value", f"expected [red, green, blue], each zero or more, found {value}")
+    return ValueReference((float(value[0]), float(value[1]), float(value[2])))
+
+
+class _Table:
+    """One table of the file: its values taken by type, what is wrong said with file and line."""
+
+    def __init__(self, path: Path, values: dict[str, Any], places: Lines, way: Way) -> None:
+        self.path, self.values, self.places, self.way = path, values, places, way
+        self._elsewhere: dict[str, Way] = {}  # of keys that come from another table, that table's way
+
+    def error(self, key: str, message: str) -> HarnessError:
+        """A message about a key, which points to where it stands; to [defaults] if it comes from there."""
+        return HarnessError(f"{self.path}:{self.places.line(*self._way(key))}: {message}")
+
+    def origin(self) -> str:
+        return f"{self.path}:{self.places.line(*self.way)}"
+
+    def over(self, defaults: _Table) -> _Table:
+        """This table's values, and those of `defaults` and of `DEFAULTS` where it has none; tolerances one by one."""
+        values = {**DEFAULTS, **defaults.values, **self.values}
+        inherited, own = defaults.values.get("tolerance"), self.values.get("tolerance")
+        if isinstance(inherited, dict) and isinstance(own, dict):
+            values["tolerance"] = {**inherited, **own}
+        merged = _Table(self.path, values, self.places, self.way)
+        merged._elsewhere = {key: defaults.way for key in defaults.values if key not in self.values}
+        return merged
+
+    def only(self, *known: str) -> None:
+        for key in self.values:
+            if key not in known:
+                raise self.error(key, f"unknown key '{key}'; allowed: {', '.join(known)}")
+
+    def value(self, key: str) -> Any:
+        if key not in self.values:
+            raise self.error(key, f"'{key}' is missing")
+        return self.values[key]
+
+    def text(self, key: str) -> str:
+        found = self.value(key)
+        if not isinstance(found, str) or not found.strip():
+            raise self.error(key, f"'{key}' must be a text, found {found!r}")
+        return found
+
+    def number(self, key: str, default: float | None = None, *, low: float, high: float, or_low: bool = False,
+               or_high: bool = False) -> float:
+        """A number between `low` and `high`, the bounds themselves excluded unless `or_low`, `or_high`."""
+        found = self.value(key) if default is None else self.values.get(key, default)
+        allowed = _is_number(found) and low <= found <= high
+        if not allowed or (found == low and not or_low) or (found == high and not or_high):
+            raise self.error(key, f"'{key}' must be a number {'from' if or_low else 'above'} {low:g} "
+                                  f"{'up to' if or_high else 'and below'} {high:g}, found {found!r}")
+        return float(found)
+
+    def integer(self, key: str, low: int, high: int) -> int:
+        found = self.value(key)
+        if type(found) is not int or not low <= found <= high:
+            raise self.error(key, f"'{key}' must be a whole number from {low} to {high}, found {found!r}")
+        return found
+
+    def file(self, key: str, *, folder: bool = False) -> Path | None:
+        return self.existing(key, self.text(key), folder=folder) if key in self.values else None
+
+    def existing(self, key: str, named: str, *, folder: bool = False) -> Path:
+        """The path of a file, or folder, that is named relative to the gates file."""
+        path = self.path.parent / named
+        if not (path.is_dir() if folder else path.is_file()):
+            raise self.error(key, f"no such {'folder' if folder else 'file'}: '{named}'; paths are relative to "
+                                  f"{self.path.name}")
+        return path
+
+    def table(self, key: str) -> _Table:
+        found = self.values.get(key, {})
+        if not isinstance(found, dict):
+            raise self.error(key, f"'{key}' must be a table, found {found!r}")
+        return _Table(self.path, found, self.places, self._way(key))
+
+    def tables(self, key: str) -> list[_Table]:
+        found = self.values.get(key, [])
+        if not isinstance(found, list) or not all(isinstance(item, dict) for item in found):
+            raise self.error(key, f"'{key}' must be an array of tables: begin each with [[{key}]]")
+        return [_Table(self.path, item, self.places, (*self.way, key, k)) for k, item in enumerate(found)]
+
+    def _way(self, key: str) -> Way:
+        return (*self._elsewhere.get(key, self.way), key)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,167 @@
+"""Runs one gate: draws samples, looks, and draws more until it is decided or its budget ends."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from harness.files import data_dir
+from harness.gates.model import CurvePoint, Gate, GateResult, Look, MitsubaReference
+from harness.gates.references import FixedReference, References, Run
+from harness.runs import Progress, Renderer, quiet
+from harness.scene import Scene, load_scene
+from harness.stats.deviates import critical_deviate, half_width
+from harness.stats.levels import Looks, family_level
+from harness.stats.sequential import Sequence
+from harness.stats.tiles import TileSamples, tile_size
+from harness.stats.verdicts import BiasVerdict, TileVerdict, tile_verdict
+from harness.tracer.codegen import scene_chunk
+from harness.tracer.renderer import TracerRenderer, check_strategy
+from harness.tracer.source import ShaderSource, assemble
+
+# A budget that is short by more than this factor, as far as the first look can tell, is refused at once.
+SHORT = 2.0
+# The probability with which an unbiased render is decided by the samples that a message says would do.
+DECIDED = 0.95
+
+# What renders the test: the tracer, or in tests and for mutants another.
+MakeRenderer = Callable[[Gate, Scene], Renderer]
+
+
+def run_gate(gate: Gate, references: References | None = None, *, progress: Progress = quiet,
+             renderer: MakeRenderer | None = None) -> GateResult:
+    """Run one gate: look at a quarter, a half and all of its budget, and stop when it is decided.
+
+    `references`: those of a run of several gates, which share them. `renderer`: renders the test instead of the
+    tracer with the gate's shader. The test is always rendered, never read from a store, which would not notice a
+    change of the host's code. Test and reference grow together. Raises HarnessError for a scene, strategy, shader or
+    reference that cannot be used, and for a budget that the variance (not the error) of the first look shows to be too
+    small to decide.
+    """
+    began = time.perf_counter()
+    scene = check_gate(gate)
+    theirs = (references or References()).of(gate, scene)
+    maker = renderer or tracer
+    made = maker(gate, scene)
+    try:
+        ours = Run(made, gate.spp, tile_size(scene.height, scene.width))
+        with progress(gate.spp * gate.replicas, gate.name) as advance:
+            looks = _look(gate, ours, theirs, advance)
+        return _result(gate, scene, looks, ours, theirs, time.perf_counter() - began)
+    finally:
+        if isinstance(made, TracerRenderer):
+            made.release()
+
+
+def check_gate(gate: Gate) -> Scene:
+    """The gate's scene at the gate's size. HarnessError where it cannot be loaded, or the strategy does not suit it."""
+    width, height = gate.size or (None, None)
+    scene = load_scene(gate.scene, width=width, height=height)
+    strategy = check_strategy(scene, gate.strategy)
+    if not strategy.suits:
+        raise gate.error(f"strategy '{gate.strategy}' does not suit the scene: {strategy.warning}")
+    return scene
+
+
+def tracer(gate: Gate, scene: Scene) -> TracerRenderer:
+    """The tracer with the gate's own shader."""
+    return TracerRenderer(scene, gate.strategy, gate_source(gate, scene))
+
+
+def gate_source(gate: Gate, scene: Scene) -> ShaderSource:
+    """The shader of a gate: ours, with what `shader` and `glsl` put in place of files of the same name."""
+    generated = {"scene.glsl": scene_chunk(scene, gate.strategy)}
+    try:
+        if gate.glsl:
+            for path in sorted(path for path in gate.glsl.rglob("*") if path.suffix in (".glsl", ".frag")):
+                generated[path.relative_to(gate.glsl).as_posix()] = path.read_text(encoding="utf-8")
+        if gate.shader:
+            generated["path_tracer.frag"] = gate.shader.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise gate.error(f"the shader cannot be read: {error}") from None
+    return assemble("path_tracer.frag", data_dir("glsl"), generated=generated)
+
+
+def _look(gate: Gate, ours: Run, theirs: Run | FixedReference, advance: Callable[[float], None]) -> list[Look]:
+    sequence = Sequence(Looks(tuple(gate.spp * replicas for replicas in gate.looks)), gate.tolerance, gate.fail_level,
+                        gate.pass_level)
+    done: list[Look] = []
+    for number, replicas in enumerate(gate.looks):
+        ours.grow(replicas, advance)
+        theirs.grow(replicas)
+        test, reference = ours.tiles(replicas), theirs.tiles(replicas)
+        verdict = sequence.decide(number, test, reference)
+        done.append(Look(gate.spp * replicas, int(reference.samples.sum()), verdict))
+        if verdict.outcome != "inconclusive":
+            break
+        if number == 0:
+            _require_budget(gate, sequence, verdict)
+    return done
+
+
+def _require_budget(gate: Gate, sequence: Sequence, pilot: BiasVerdict) -> None:
+    needed = replicas_needed(sequence, pilot, gate.looks[0])
+    if needed > SHORT * gate.replicas:
+        raise gate.error(
+            f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small to decide; about "
+            f"{_times(needed / gate.replicas)} the samples would do{_of_reference(gate)}, or a wider tolerance")
+
+
+def replicas_needed(sequence: Sequence, pilot: BiasVerdict, replicas: int) -> float:
+    """About how many replicas like the `replicas` of the pilot decide with probability 0.95, if there is no bias.
+
+    From the pilot's variance alone, never from its error, so that verdicts keep their level (Stein 1945). Infinite
+    where the variance is unknown.
+    """
+    final = sequence.looks.level(len(sequence.looks.samples) - 1, sequence.pass_level)
+
+    def needed(part: TileVerdict) -> float:
+        # The pilot's interval at Student's width; the larger degrees of freedom of both sides would make it narrower.
+        sigma = (part.high - part.low) / 2 / half_width(np.ones(()), np.array(replicas - 1.0), part.pass_level)
+        if not np.isfinite(sigma).all():
+            return float("inf")
+        room = critical_deviate(family_level(1 - DECIDED, sigma.size) / 2) + critical_deviate(final / 2)
+        if part.tolerance == 0:
+            return float("inf") if sigma.any() else 0.0
+        return float(replicas * (room * sigma.max() / part.tolerance)**2)
+
+    return max(needed(part) for part in (pilot.mean, pilot.coarse, pilot.fine))
+
+
+def _result(gate: Gate, scene: Scene, looks: list[Look], ours: Run, theirs: Run | FixedReference,
+            seconds: float) -> GateResult:
+    last = looks[-1].verdict
+    outcome, reason = last.outcome, last.reason
+    estimate = ours.estimate()
+    drawn = estimate.samples * scene.width * scene.height
+    if estimate.rejected > gate.not_finite * drawn:
+        outcome, reason = "fail", (f"{estimate.rejected} of {drawn} samples were not finite; look for a division by "
+                                   "zero, or a root or power of a negative number")
+    elif outcome == "inconclusive":
+        reason += f"; the budget of {gate.replicas} x {gate.spp} samples per pixel has ended"
+    return GateResult(gate, outcome, reason, tuple(looks), _curve(gate, ours, theirs), estimate, theirs.estimate(),
+                      scene.exposure, seconds)
+
+
+def _curve(gate: Gate, ours: Run, theirs: Run | FixedReference) -> tuple[CurvePoint, ...]:
+    """Prefixes of 1, 2, 4, … replicas, and all."""
+    counts = sorted({*(2**k for k in range(ours.replicas.bit_length())), ours.replicas})
+    reference = theirs.tiles(ours.replicas)
+    return tuple(_point(gate, ours.tiles(count), reference, gate.spp * count) for count in counts)
+
+
+def _point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) -> CurvePoint:
+    whole = tile_verdict(test.whole(), reference.whole(), gate.tolerance.mean, pass_level=gate.pass_level)
+    tiles = tile_verdict(test, reference, gate.tolerance.fine)
+    error, low, high = (float(values[0, 0, 3]) for values in (whole.error, whole.low, whole.high))
+    return CurvePoint(samples, error, low, high, float(np.sqrt((tiles.error[..., 3]**2).mean())))
+
+
+def _of_reference(gate: Gate) -> str:
+    return " (of the reference as well)" if isinstance(gate.reference, MitsubaReference) else ""
+
+
+def _times(factor: float) -> str:
+    return f"{factor:.2g} times" if factor < 1e6 else "many times"

@@ -1,0 +1,188 @@
+"""The pytest plugin: each gate of a gates file is one test, which leaves behind what one needs to look at it.
+
+A gates file is collected where the ini option `harness_gates` or the command line (`--harness-gates=PATH`) names it;
+no other file is touched, and nothing heavy is imported before one is collected. Options follow pytest-mpl's habits.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from harness.errors import HarnessError
+
+if TYPE_CHECKING:
+    from harness.gates import Gate, GateResult, References
+
+# Where results go, below the root folder, when neither the ini file nor the command line says.
+RESULTS = "harness-results"
+# Under this name each report carries its gate's result, as JSON text, from pytest-xdist's workers to the controller.
+PROPERTY = "harness_gate"
+KINDS = ("html", "json")
+# One a process: gates of one scene share Mitsuba's image, which is kept in the cache between runs.
+_REFERENCES: pytest.StashKey[References] = pytest.StashKey()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add our options and their ini counterparts."""
+    group = parser.getgroup("harness", "tolerance gates of renderers")
+    group.addoption("--harness-gates", action="append", default=[], metavar="PATH",
+                    help="a gates file (.toml) to collect, besides those of the ini option harness_gates")
+    group.addoption("--harness-results-path", metavar="DIR",
+                    help=f"folder for what gates leave behind (ini: harness_results_path; {RESULTS} if neither)")
+    group.addoption("--harness-generate-summary", metavar="KINDS",
+                    help="write a summary of all gates: html, json, or both with a comma between; without this option "
+                         "html when a gate does not pass")
+    parser.addini("harness_gates", "gates files (.toml), relative to the root folder", type="paths", default=[])
+    parser.addini("harness_results_path", "folder for what gates leave behind", default=None)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Check the options, and let a gates file of the command line be collected wherever it lies."""
+    given = config.getoption("--harness-generate-summary")
+    if unknown := [kind for kind in _kinds(given) if kind not in KINDS]:
+        raise pytest.UsageError(f"--harness-generate-summary: unknown kind '{unknown[0]}'; choose from html, json")
+    for path in _of_command_line(config):
+        if not path.is_file():
+            raise pytest.UsageError(f"--harness-gates: no such file: {path}")
+        roots = [(config.invocation_params.dir / argument.partition("::")[0]).resolve() for argument in config.args]
+        if not any(path.is_relative_to(root) for root in roots):
+            config.args.append(str(path))
+    config.pluginmanager.register(_Summary(config), "harness-summary")
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Collect the gates files that were named, and only those."""
+    if file_path.suffix != ".toml" or file_path.resolve() not in _gates_files(parent.config):
+        return None
+    return GatesCollector.from_parent(parent, path=file_path)
+
+
+class GatesCollector(pytest.File):
+    """One gates file: a test for each gate."""
+
+    def collect(self) -> Iterable[pytest.Item]:
+        from harness.files import cache_dir
+        from harness.gates import References, load_gates
+        from harness.store import Store
+
+        if _REFERENCES not in self.config.stash:  # now, since a test may point $HARNESS_CACHE elsewhere later
+            self.config.stash[_REFERENCES] = References(Store(cache_dir() / "batches"))
+        try:
+            gates = load_gates(_short(self.path, self.config)).gates
+        except HarnessError as error:
+            raise self.CollectError(str(error)) from None
+        for gate in gates:
+            yield GateItem.from_parent(self, name=gate.name, gate=gate)
+
+
+class GateItem(pytest.Item):
+    """One gate. It passes when its verdict does; its artefacts lie in a folder of its name."""
+
+    def __init__(self, *, gate: Gate, **options: Any) -> None:
+        super().__init__(**options)
+        self.gate = gate
+
+    def runtest(self) -> None:
+        from harness.gates import run_gate
+        from harness.gates.artefacts import as_json, save_result
+
+        result = run_gate(self.gate, self.config.stash[_REFERENCES])
+        folder = results_folder(self.config) / self.gate.name
+        save_result(result, folder, pictures=result.outcome != "pass")
+        self.user_properties.append((PROPERTY, json.dumps(as_json(result))))
+        if result.outcome != "pass":
+            raise GateFailure(result, folder)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """What went wrong, without a traceback unless it is a bug of the harness."""
+        if isinstance(excinfo.value, GateFailure | HarnessError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        return self.path, int(self.gate.origin.rpartition(":")[2]) - 1, f"gate: {self.gate.name}"
+
+
+class GateFailure(Exception):
+    """A gate that did not pass, told in a few lines."""
+
+    def __init__(self, result: GateResult, folder: Path) -> None:
+        from harness.gates.artefacts import command
+        from harness.gates.summary import percent
+
+        gate, mean = result.gate, result.verdict.mean
+        super().__init__("\n".join((
+            f"{result.outcome}: {result.reason}",
+            f"mean error of luminance {percent(float(mean.error[0, 0, 3]), signed=True)}, tolerance "
+            f"±{percent(mean.tolerance)}, after {result.test.samples} of {gate.spp * gate.replicas} samples per pixel",
+            f"why this tolerance: {gate.reason}",
+            f"look at: {folder}",
+            f"run again: {command(gate)}")))
+
+
+class _Summary:
+    """Gathers the results of all gates, from pytest-xdist's workers too, and writes the summary at the end."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.config = config
+        self.results: list[dict[str, Any]] = []
+        self.written: list[Path] = []
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when != "call":
+            return
+        found = dict(report.user_properties).get(PROPERTY)
+        if found is not None:
+            self.results.append(json.loads(str(found)))
+        elif report.failed and report.location[2].startswith("gate: "):
+            self.results.append({"gate": report.location[2].removeprefix("gate: "), "outcome": "error",
+                                 "reason": report.longreprtext})
+
+    def pytest_sessionfinish(self) -> None:
+        if hasattr(self.config, "workerinput") or not self.results:  # a worker's results are the controller's too
+            return
+        from harness.gates.summary import write_summary
+
+        kinds = _kinds(self.config.getoption("--harness-generate-summary"))
+        if not kinds and any(result["outcome"] != "pass" for result in self.results):
+            kinds = ("html",)
+        self.written = write_summary(self.results, results_folder(self.config), kinds)
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        if self.results:
+            outcomes = [result["outcome"] for result in self.results]
+            terminalreporter.write_sep("=", "gates")
+            terminalreporter.write_line(", ".join(f"{outcomes.count(outcome)} {outcome}" for outcome in dict.fromkeys(
+                sorted(outcomes))))
+            for path in self.written:
+                terminalreporter.write_line(f"summary: {path}")
+
+
+def results_folder(config: pytest.Config) -> Path:
+    """Where gates leave their artefacts: the option's folder, the ini file's, or `harness-results`."""
+    if given := config.getoption("--harness-results-path"):
+        return config.invocation_params.dir / given
+    return config.rootpath / (config.getini("harness_results_path") or RESULTS)
+
+
+def _gates_files(config: pytest.Config) -> set[Path]:
+    return {path.resolve() for path in (*config.getini("harness_gates"), *_of_command_line(config))}
+
+
+def _of_command_line(config: pytest.Config) -> list[Path]:
+    return [(config.invocation_params.dir / given).resolve() for given in config.getoption("--harness-gates")]
+
+
+def _kinds(given: str | None) -> tuple[str, ...]:
+    return tuple(kind.strip() for kind in given.split(",")) if given else ()
+
+
+def _short(path: Path, config: pytest.Config) -> Path:
+    """The path as a user types it, for messages."""
+    folder = config.invocation_params.dir
+    return path.relative_to(folder) if path.is_relative_to(folder) else path
