@@ -33,8 +33,9 @@ class TileSamples:
     """The batches of one estimate of one image, each reduced to the means of tiles of `tile` x `tile` pixels.
 
     `means`: (B, rows, columns, C). `samples`: (B,), samples per pixel of each batch; a single batch of zero samples is
-    an exact image. `height`, `width`: of the image, in pixels. Batches must be independent; they need not be equal,
-    but the fewer samples a batch holds the more of them it takes to show the tails (32 equal ones are plenty).
+    an exact image. `height`, `width`: of the image, in pixels. Batches must be independent and should be about equal in
+    size, 32 of them or more; from as few as 8 skewness is guesswork, and a verdict passes at 1.4 times the tolerance
+    that 16 would need.
     """
 
     means: np.ndarray

@@ -158,9 +158,9 @@ class TestImage:
     """Three tests, one verdict."""
 
     def test_the_gravest_decides(self, rng: np.random.Generator) -> None:
-        """0.5 % everywhere is far below what a tile may have; 4 % in 1 % of the image moves its mean by 0.04 %."""
+        """0.5 % everywhere is far below what a tile may have; 5 % in 1 % of the image moves its mean by 0.05 %."""
         faint, local = 1.005 * ones(120, 120), ones(120, 120)
-        local[40:52, 70:82] = 1.04
+        local[40:52, 70:82] = 1.05
         truth = noisy(rng, ones(120, 120), 0.01, tile=6)
         by_mean, by_tile = (bias_verdict(noisy(rng, image, 0.01, tile=6), truth) for image in (faint, local))
         assert (by_mean.mean.outcome, by_mean.coarse.outcome, by_mean.fine.outcome) == ("fail", "pass", "pass")
@@ -202,14 +202,14 @@ class TestSequence:
         assert found.fine.fail_level == pytest.approx(family_level(0.01, TESTS))
 
     def test_a_gross_bug_fails_at_the_first_look_and_a_small_one_at_a_later(self, rng: np.random.Generator) -> None:
-        """Growing batches of one run: standard errors of 0.2 %, 0.15 % and 0.1 %, excesses of 29 % and 0.5 %."""
+        """Growing batches of one run: standard errors of 0.2 %, 0.15 % and 0.1 %, excesses of 29 % and 0.4 %."""
         sequence = Sequence(Looks((64, 128, 256)), Tolerance(0.01, 0.05, 0.1))
 
         def outcomes(bias: float) -> list[str]:
-            run = noisy(rng, (1 + bias) * ones(), sigma=0.075, batches=32)
-            return [sequence.decide(look, run.first(samples // 8), exact(ones())).outcome
+            run = noisy(rng, (1 + bias) * ones(), sigma=0.075, batches=64)
+            return [sequence.decide(look, run.first(samples // 4), exact(ones())).outcome
                     for look, samples in enumerate(sequence.looks.samples)]
 
         assert outcomes(0.3)[0] == "fail"
-        small = outcomes(0.015)
+        small = outcomes(0.014)
         assert small[0] == "inconclusive" and small[-1] == "fail"
