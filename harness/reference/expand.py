@@ -1,4 +1,4 @@
-"""Rewrites what the harness adds to shapes (textures in object space) into what Mitsuba understands."""
+"""Rewrites what the harness adds to shapes (motion, textures in object space) into what Mitsuba understands."""
 
 from __future__ import annotations
 
@@ -7,16 +7,34 @@ from typing import Any
 
 import numpy as np
 
+from harness.reference.motion import moving_id
 from harness.scene import Scene
+from harness.scene.motion import moving, screw
 
 # Textures that are functions of the surface point; their plugins take `to_object`, world to canonical object space.
 OBJECT_SPACE_TEXTURES = ("fractal", "marble", "wood")
 
 
 def expand_shapes(mi: Any, state: Any, scene: Scene) -> None:
-    """Edit the parser state of `scene`'s file in place, before Mitsuba transforms and instantiates it."""
-    for index, shape in zip(list(_shape_nodes(mi, state)), scene.shapes, strict=True):
-        _place_textures(mi, state, index, np.linalg.inv(shape.matrix))
+    """Edit the parser state of `scene`'s file in place, before Mitsuba transforms and instantiates it.
+
+    Shapes that move while the shutter is open rest, under an id by which `MovingShapes` finds them; those of which it
+    sees a single moment are put where they are then.
+    """
+    opens, _ = scene.camera.shutter
+    moves = moving(scene)
+    for number, (index, shape) in enumerate(zip(list(_shape_nodes(mi, state)), scene.shapes, strict=True)):
+        props = state.nodes[index].props
+        if "motion" in props:
+            del props["motion"]
+        to_object = np.linalg.inv(shape.matrix)
+        if number in moves:
+            props.set_id(moving_id(number))
+        elif shape.motion is not None:
+            pose = screw(shape.motion).pose(opens)
+            _carry(mi, props, pose)
+            to_object = to_object @ np.linalg.inv(pose)
+        _place_textures(mi, state, index, to_object, moves=number in moves)
 
 
 def _shape_nodes(mi: Any, state: Any) -> Iterator[int]:
@@ -24,6 +42,15 @@ def _shape_nodes(mi: Any, state: Any) -> Iterator[int]:
     for _, index in _nested(mi, state, 0):
         if state.nodes[index].type == mi.ObjectType.Shape:
             yield index
+
+
+def _carry(mi: Any, props: Any, pose: np.ndarray) -> None:
+    """Apply a transform of the world to a shape after the file's own."""
+    to_world = props.get("to_world")
+    before = np.eye(4) if to_world is None else np.array(to_world.matrix, dtype=np.float64)
+    if to_world is not None:
+        del props["to_world"]
+    props["to_world"] = mi.ScalarAffineTransform4d(pose @ before)
 
 
 def _nested(mi: Any, state: Any, index: int) -> list[tuple[str, int]]:
@@ -39,14 +66,14 @@ def _nested(mi: Any, state: Any, index: int) -> list[tuple[str, int]]:
     return found
 
 
-def _place_textures(mi: Any, state: Any, index: int, to_object: np.ndarray) -> None:
+def _place_textures(mi: Any, state: Any, index: int, to_object: np.ndarray, *, moves: bool) -> None:
     """Give a node its own copy of every nested object that leads to an object-space texture, and tell that where it is.
 
     A BSDF may be shared by many shapes, but its texture lies differently on each.
     """
     for key, nested in _nested(mi, state, index):
         if _has_object_space_texture(mi, state, nested):
-            copy = _copy(mi, state, nested, to_object)
+            copy = _copy(mi, state, nested, to_object, moves)
             del state.nodes[index].props[key]
             state.nodes[index].props[key] = mi.Properties.ResolvedReference(copy)
 
@@ -57,15 +84,16 @@ def _has_object_space_texture(mi: Any, state: Any, index: int) -> bool:
     return any(_has_object_space_texture(mi, state, nested) for _, nested in _nested(mi, state, index))
 
 
-def _copy(mi: Any, state: Any, index: int, to_object: np.ndarray) -> int:
+def _copy(mi: Any, state: Any, index: int, to_object: np.ndarray, moves: bool) -> int:
     """Append a copy of the node and of all that it nests; the index of the copy."""
     node = mi.parser.SceneNode(state.nodes[index])
     props = mi.Properties(node.props)
     for key, nested in _nested(mi, state, index):
         del props[key]
-        props[key] = mi.Properties.ResolvedReference(_copy(mi, state, nested, to_object))
+        props[key] = mi.Properties.ResolvedReference(_copy(mi, state, nested, to_object, moves))
     if props.plugin_name() in OBJECT_SPACE_TEXTURES:
         props["to_object"] = mi.ScalarAffineTransform4d(to_object)
+        props["moves"] = moves
     props.set_id(f"{props.id()} of copy {len(state.nodes)}")  # ids are unique
     node.props = props
     state.nodes.append(node)

@@ -2,7 +2,8 @@
 
 Parameters, as in a scene file: `color0`, `color1`, … (colours or numbers), `octaves`, `lacunarity`, `gain`,
 `frequency`, `distortion` (not of `fractal`), `seed`, `to_texture`; and `to_object`, from world to the shape's canonical
-object space, which `harness.reference.expand` gives to each shape's own copy of a texture.
+object space, which `harness.reference.expand` gives to each shape's own copy of a texture. Where the shape moves it adds
+`moves`, and `harness.reference.motion` sets the parameter `to_rest`, from where the shape is to where it rests.
 """
 
 from __future__ import annotations
@@ -70,9 +71,18 @@ def plugin_class(mi: Any) -> type:
             super().__init__(props)
             self.texture = read(props)
             self.arithmetic = arithmetic(mi)
+            self.to_rest = None
+            if props.get("moves", False):
+                self.to_rest = mi.AffineTransform4f()
+                dr.make_opaque(self.to_rest)
+
+        def traverse(self, callback: Any) -> None:
+            if self.to_rest is not None:
+                callback.put("to_rest", self.to_rest, mi.ParamFlags.NonDifferentiable)
 
         def _channels(self, si: Any, active: Any) -> Any:
-            p = transformed(self.texture.to_texture, (si.p.x, si.p.y, si.p.z))
+            at_rest = si.p if self.to_rest is None else self.to_rest @ si.p
+            p = transformed(self.texture.to_texture, (at_rest.x, at_rest.y, at_rest.z))
             t, _ = evaluate(self.arithmetic, self.texture, p)
             channels = zip(*self.texture.colors, strict=True)
             return dr.select(active, mi.Color3f(*(ramp(self.arithmetic, t, stops)[0] for stops in channels)), 0)

@@ -14,8 +14,9 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.estimate import Batch
 from harness.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
+from harness.reference.motion import MovingShapes, moment, moments
 from harness.reference.prepare import instantiate
-from harness.scene import Scene, noise, procedural
+from harness.scene import Scene, motion, noise, procedural
 
 INTEGRATORS = ("path", "bsdf_path")
 
@@ -35,7 +36,8 @@ class ReferenceRenderer:
     """Renders batches of one scene with Mitsuba; holds the instantiated scene.
 
     A batch depends on scene, integrator, replica and sample range only; a range gives the same samples whether it is
-    rendered in one batch or in several whose borders are multiples of `samples_per_call`.
+    rendered in one batch or in several whose borders are multiples of `samples_per_call`. Where shapes move, calls are
+    short, and each sees one moment: see `harness.reference.motion`.
     """
 
     def __init__(self, scene: Scene, integrator: str = "path") -> None:
@@ -51,6 +53,7 @@ class ReferenceRenderer:
         self._mitsuba_scene = instantiate(scene)
         options = {"rr_depth": RR_DEPTH_OFF} if integrator == "path" else {}
         mi = use_reference_variant()
+        self._moving_shapes = MovingShapes(mi, self._mitsuba_scene, scene) if motion.moving(scene) else None
         self._integrator = mi.load_dict({"type": integrator, "max_depth": scene.max_depth, **options})
 
     @property
@@ -85,12 +88,20 @@ class ReferenceRenderer:
                advance: Callable[[int], None] | None) -> Iterable[tuple[np.ndarray, int]]:
         """Mitsuba's images of the range's pieces, (H, W, 3) float32, each with its samples per pixel."""
         sensor = self._mitsuba_scene.sensors()[0]
-        for first in range(start, start + count, self.samples_per_call):
-            spp = min(self.samples_per_call, start + count - first)
+        for first, spp in self._pieces(start, count):
+            if self._moving_shapes is not None:
+                self._moving_shapes.move(moment(self.scene.camera.shutter, replica, first))
             image: Any = self._integrator.render(self._mitsuba_scene, sensor, seed=call_seed(replica, first), spp=spp)
             yield np.array(image), spp  # the copy waits for Mitsuba to finish
             if advance is not None:
                 advance(spp)
+
+    def _pieces(self, start: int, count: int) -> list[tuple[int, int]]:
+        """The calls (first sample, samples) that a range is drawn in."""
+        if self._moving_shapes is not None:
+            return moments(start, count, self.samples_per_call)
+        return [(first, min(self.samples_per_call, start + count - first))
+                for first in range(start, start + count, self.samples_per_call)]
 
 
 def average(calls: Iterable[tuple[np.ndarray, int]]) -> tuple[np.ndarray, int]:
@@ -131,8 +142,9 @@ def _check_range(replica: int, start: int, count: int) -> None:
 
 
 def _source_hash() -> str:
-    """16 hexadecimal digits over the code that decides what is rendered: this package, and the noise of textures."""
+    """16 hexadecimal digits over the code that decides what is rendered: this package, motion, noise."""
     digest = hashlib.sha256()
-    for source in [*sorted(Path(__file__).parent.glob("*.py")), Path(noise.__file__), Path(procedural.__file__)]:
+    shared = (Path(str(module.__file__)) for module in (motion, noise, procedural))
+    for source in (*sorted(Path(__file__).parent.glob("*.py")), *shared):
         digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
