@@ -2,45 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-
-import numpy as np
 
 from harness.results import StrategyResult, StudyResult
 from harness.stats.convergence import Slope, spp_to_reach
+from harness.stats.efficiency import Factor, sample_variance
 
 BASELINE = "uniform"
-
-
-@dataclass(frozen=True)
-class Factor:
-    """A positive number with its confidence interval; NaN where unknown, an interval of (0, inf) where unbounded."""
-
-    value: float
-    low: float
-    high: float
-
-    def over(self, other: Factor) -> Factor:
-        """self / other for independent estimates: half widths add in quadrature on a log scale."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ours, theirs = np.log([self.low, self.value, self.high]), np.log([other.low, other.value, other.high])
-            centre = ours[1] - theirs[1]
-            down = math.hypot(ours[1] - ours[0], theirs[2] - theirs[1])
-            up = math.hypot(ours[2] - ours[1], theirs[1] - theirs[0])
-            value, low, high = np.exp([centre, centre - down, centre + up])
-        return Factor(float(value), float(low), float(high))
-
-    def times(self, scale: float) -> Factor:
-        """self × a number that is taken as exact."""
-        return Factor(self.value * scale, self.low * scale, self.high * scale)
 
 
 @dataclass(frozen=True)
 class Cost:
     """What one strategy pays for the common error: samples per pixel and CPU seconds, and the baseline's over its own.
 
-    `sample_gain`, `time_gain`: how many times less than the baseline it needs; None for the baseline itself.
+    `sample_gain`, `time_gain`: how many times less than the baseline it needs; `variance_ratio`: the baseline's
+    variance of one sample over its own, which `sample_gain` equals where both converge as N^(-1/2); None for the
+    baseline itself.
     """
 
     strategy: StrategyResult
@@ -48,6 +25,7 @@ class Cost:
     cpu_seconds: Factor
     sample_gain: Factor | None
     time_gain: Factor | None
+    variance_ratio: Factor | None
 
 
 @dataclass(frozen=True)
@@ -76,11 +54,14 @@ def equal_error(result: StudyResult) -> EqualError | None:
     samples = needs[baseline.strategy]
     seconds = samples.times(baseline.cpu_seconds_per_spp)
     costs = []
-    for strategy, _ in fitted:
+    for strategy, slope in fitted:
         own = needs[strategy.strategy]
         time = own.times(strategy.cpu_seconds_per_spp)
-        gains = (samples.over(own), seconds.over(time)) if strategy is not baseline else (None, None)
-        costs.append(Cost(strategy, own, time, *gains))
+        if strategy is baseline:
+            costs.append(Cost(strategy, own, time, None, None, None))
+            continue
+        variances = [sample_variance(s.spp, s.rmse, slope.confidence) for s in (baseline, strategy)]
+        costs.append(Cost(strategy, own, time, samples.over(own), seconds.over(time), variances[0].over(variances[1])))
     return EqualError(target, baseline.strategy, tuple(costs))
 
 

@@ -23,6 +23,7 @@ from harness.report.figures import curves_svg
 from harness.report.style import strategy_style
 from harness.report.tables import LUMINANCE, accuracy_table, cost_table, is_exact
 from harness.results import StrategyResult, StudyResult
+from harness.stats.limit import limit_error
 
 Assets = dict[str, bytes]
 
@@ -97,8 +98,20 @@ def _reasons(result: StudyResult) -> tuple[Remark, ...]:
         mark: Mark = strategy.verdict.outcome if strategy.suits else "warning"
         dof = float(strategy.verdict.dof[LUMINANCE])
         known = f" ({formats.count(dof)} degrees of freedom in luminance)" if np.isfinite(dof) else ""
-        remarks.append(Remark(f"{strategy.strategy}: {formats.typographic(strategy.verdict.reason)}{known}.", mark))
+        remarks.append(Remark(f"{strategy.strategy}: {formats.typographic(strategy.verdict.reason)}{known}."
+                              f"{_limit_words(strategy, result)}", mark))
     return tuple(remarks)
+
+
+def _limit_words(strategy: StrategyResult, result: StudyResult) -> str:
+    """What would be left of a strategy's RMSE with endless samples; nothing where that is unknown."""
+    estimate, reference = strategy.estimate, result.reference
+    limit = limit_error(estimate.mean, estimate.variance, reference.mean, reference.variance,
+                        strategy.verdict.confidence)
+    if not np.isfinite(limit.high):
+        return ""
+    return (f" With endless samples {formats.percent(limit.value)} of its RMSE would be left, relative to the "
+            f"reference ({formats.percent(limit.low)} to {formats.percent(limit.high)}).")
 
 
 Maps = dict[str, tuple[np.ndarray, np.ndarray]]

@@ -113,27 +113,28 @@ def cost_table(result: StudyResult, equal: EqualError) -> Table:
     costs = {cost.strategy.strategy: cost for cost in equal.costs}
     rows: list[tuple[Cell, ...]] = []
     for strategy in result.strategies:
-        head = (strategy_cell(strategy), Cell(formats.duration(strategy.cpu_seconds_per_spp)),
-                Cell(formats.significant(strategy.slope.coefficient) if strategy.slope else formats.MISSING))
+        head = (strategy_cell(strategy), Cell(formats.duration(strategy.cpu_seconds_per_spp)))
         cost = costs.get(strategy.strategy)
         if cost is None:
             word = "not suited" if not strategy.suits else "exact" if is_exact(strategy) else "not fitted"
             mark: Mark = "warning" if not strategy.suits else "exact" if is_exact(strategy) else ""
-            rows.append((*head, Cell(word, mark, columns=4)))
+            rows.append((*head, Cell(word, mark, columns=5)))
             continue
         gains = [formats.ratio(gain.value, gain.low, gain.high) if gain else f"1{formats.TIMES}"
-                 for gain in (cost.sample_gain, cost.time_gain)]
+                 for gain in (cost.variance_ratio, cost.sample_gain, cost.time_gain)]
         needed = formats.NBSP.join(formats.spread(cost.spp.value, cost.spp.low, cost.spp.high))
-        rows.append((*head, Cell(needed.rstrip(formats.NBSP)),
-                     Cell(formats.duration(cost.cpu_seconds.value)), *(Cell(gain) for gain in gains)))
+        rows.append((*head, Cell(gains[0]), Cell(needed.rstrip(formats.NBSP)),
+                     Cell(formats.duration(cost.cpu_seconds.value)), *(Cell(gain) for gain in gains[1:])))
     caption = (
         f"What equal error costs: samples and CPU time with which each strategy reaches an RMSE of "
         f"{formats.significant(equal.rmse)}, the largest that a suitable strategy still has at the end of its run; "
-        f"and how many times less that is than {equal.baseline} needs (above 1: cheaper). Intervals over replicas at "
+        f"and how many times less that is than {equal.baseline} needs (above 1: cheaper). Beside it the ratio of the "
+        "variances of one sample, measured at the end of the runs; fewer samples are that ratio where both converge "
+        f"with slope {formats.MINUS}1/2. Intervals over replicas at "
         f"{_slope_confidence(equal)} confidence, the replicas of two strategies taken as independent; the fitted power "
         "laws are solved for the error, and the CPU time of one sample is taken as exact.")
     columns = (Column("Strategy", share=1), Column("CPU time of\n1 sample/pixel", "right"),
-               Column("RMSE at\n1 sample/pixel", "right"), Column("Samples per pixel\nneeded", "right"),
+               Column(f"Variance of\n{equal.baseline} / own", "right"), Column("Samples per pixel\nneeded", "right"),
                Column("CPU time\nneeded", "right"), Column(f"Fewer samples\nthan {equal.baseline}", "right"),
                Column(f"Less CPU time\nthan {equal.baseline}", "right"))
     return Table(caption, columns, tuple(rows))

@@ -54,7 +54,7 @@ def fit_slope(spp: np.ndarray, rmse: np.ndarray, confidence: float = 0.95) -> Sl
     replicas, points = squares.shape
     if points < 2:
         return Slope(math.nan, -math.inf, math.inf, confidence, replicas, math.nan, points)
-    _, value, half = _jackknife(lambda chosen: _line(x, chosen)[0], squares, confidence)
+    _, value, half = jackknife(lambda chosen: _line(x, chosen)[0], squares, confidence)
     return Slope(value, value - half, value + half, confidence, replicas, _exp(_line(x, squares)[1]), points)
 
 
@@ -94,7 +94,7 @@ def spp_to_reach(spp: np.ndarray, rmse: np.ndarray, target: float,
         slope, intercept = _line(x, chosen)
         return (math.log(target) - intercept) / slope if slope < 0 else math.inf
 
-    value, _, half = _jackknife(solved, squares, confidence)
+    value, _, half = jackknife(solved, squares, confidence)
     if not math.isfinite(value):
         return math.inf, math.inf, math.inf
     return _exp(value), _exp(value - half), _exp(value + half)
@@ -138,9 +138,12 @@ def _line(x: np.ndarray, squares: np.ndarray) -> tuple[float, float]:
     return slope, float(y.mean()) - slope * float(x.mean())
 
 
-def _jackknife(statistic: Callable[[np.ndarray], float], replicas: np.ndarray,
+def jackknife(statistic: Callable[[np.ndarray], float], replicas: np.ndarray,
                confidence: float) -> tuple[float, float, float]:
-    """The statistic, its bias-corrected value, and half the Student interval over the pseudo-values."""
+    """A statistic of replicas (R, ...), its bias-corrected value, and half the Student interval over pseudo-values.
+
+    The last is infinite for a single replica; all are where the statistic is not finite. Tukey 1958; Efron 1982.
+    """
     count = len(replicas)
     whole = statistic(replicas)
     if count < 2:
