@@ -36,17 +36,22 @@ def arithmetic(mi: Any) -> Arithmetic:
 
 
 def read(props: Any) -> Procedural:
-    """A texture's Mitsuba properties; `to_texture` includes `to_object`, so it takes points of world space."""
+    """A texture's Mitsuba properties, with `to_object` and the frequency folded into `to_texture`, as in the shader.
+
+    It then takes points of world space, and rounds them as the shader does: a steep texture would amplify a difference.
+    """
     kind: Any = props.plugin_name()
+    frequency = props.get("frequency", DEFAULT_FREQUENCY[kind])
+    to_cells = np.diag([frequency] * 3 + [1.0]) @ _matrix(props, "to_texture") @ _matrix(props, "to_object")
     return Procedural(
         kind, _colors(props),
         octaves=props.get("octaves", DEFAULT_OCTAVES),
         lacunarity=props.get("lacunarity", DEFAULT_LACUNARITY),
         gain=props.get("gain", DEFAULT_GAIN),
-        frequency=props.get("frequency", DEFAULT_FREQUENCY[kind]),
+        frequency=1.0,
         distortion=props.get("distortion", DEFAULT_DISTORTION[kind]) if kind in DEFAULT_DISTORTION else 0.0,
         seed=props.get("seed", 0),
-        to_texture=as_matrix(_matrix(props, "to_texture") @ _matrix(props, "to_object")))
+        to_texture=as_matrix(to_cells))
 
 
 def _matrix(props: Any, name: str) -> np.ndarray:

@@ -84,18 +84,21 @@ def value_noise(arithmetic: Arithmetic, p: Triple, seed: int) -> tuple[Any, Trip
 def fbm(arithmetic: Arithmetic, p: Triple, octaves: int, lacunarity: float, gain: float,
         seed: int) -> tuple[Any, Triple]:
     """Fractal noise at p and its gradient; arrays as in `value_noise`."""
-    total, slopes = 0.0, (0.0, 0.0, 0.0)
-    weights, weight, scale = 0.0, 1.0, 1.0
-    for octave in range(octaves):
+    total: Any = 0.0
+    slopes: Triple = (0.0, 0.0, 0.0)
+    for octave, weight in enumerate(octave_weights(octaves, gain)):
         noise, gradient = value_noise(arithmetic, p, seed + octave * OCTAVE)
         total = total + weight * noise
-        slopes = tuple(s + weight * scale * g for s, g in zip(slopes, gradient, strict=True))
-        weights += weight
-        weight *= gain
-        scale *= lacunarity
+        steep = weight * lacunarity**octave
+        slopes = (slopes[0] + steep * gradient[0], slopes[1] + steep * gradient[1], slopes[2] + steep * gradient[2])
         p = (p[0] * lacunarity, p[1] * lacunarity, p[2] * lacunarity)
-    x, y, z = (s / weights for s in slopes)
-    return total / weights, (x, y, z)
+    return total, slopes
+
+
+def octave_weights(octaves: int, gain: float) -> list[float]:
+    """Of each octave of a fractal sum; they add up to 1."""
+    weights = [gain**octave for octave in range(octaves)]
+    return [weight / sum(weights) for weight in weights]
 
 
 def steepest_fbm(octaves: int, lacunarity: float, gain: float) -> float:

@@ -5,7 +5,7 @@ of a moving shape, at its place at time 0). With q = frequency · (to_texture p)
 
     fractal   t = fbm(q)
     marble    t = wave(q.x + distortion · fbm(q), 1/2)                     veins across the x axis
-    wood      t = wave(√(q.x² + q.y²) + distortion · fbm(g q), 4/5)       rings about the z axis, grain g along it
+    wood      t = wave(√(q.x² + q.y²) + distortion · fbm(g q), 3/4)       rings about the z axis, grain g along it
 
 fbm is that of `harness.scene.noise`, from octaves, lacunarity, gain and seed. wave(s, rise) has period 1: it climbs
 from 0 to 1 over the part `rise` of the period and falls back over the rest, along 3x² - 2x³ both ways, so it is
@@ -30,7 +30,7 @@ from harness.scene.noise import Arithmetic, Triple, fbm, steepest_fbm
 KINDS = ("fractal", "marble", "wood")
 
 # Part of the period in which a wave climbs: early wood grows slowly darker, late wood ends in a sharp edge.
-RISE = {"marble": 0.5, "wood": 0.8}
+RISE = {"marble": 0.5, "wood": 0.75}
 # The noise that bends wood's rings is wider than they are, and follows the trunk.
 WOOD_GRAIN = (0.25, 0.25, 0.0625)
 

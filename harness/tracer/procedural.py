@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from harness.scene.model import Procedural, Shape, Texture
-from harness.scene.noise import OCTAVE, UINT32
+from harness.scene.noise import OCTAVE, UINT32, octave_weights
 from harness.scene.procedural import RISE, WOOD_GRAIN
 from harness.tracer.literals import function, is_any, number, vector
 from harness.tracer.targets import Target
@@ -85,7 +85,9 @@ def _evaluation(textures: Lane, shapes: Sequence[Shape]) -> list[str]:
     lines: list[str] = []
     for axis, name in enumerate("xyz"):
         lines += _chosen("vec4", f"row_{name}", {index: vector(matrix[axis]) for index, matrix in rows.items()})
-    coordinates = ", ".join(f"dot(row_{name}.xyz, p) + row_{name}.w" for name in "xyz")
+    # In the order of scene.procedural.transformed, so that both renderers round alike: dot() may add up in another.
+    coordinates = ", ".join(" + ".join(f"row_{name}.{axis} * p.{axis}" for axis in "xyz") + f" + row_{name}.w"
+                            for name in "xyz")
     lines.append(f"vec3 q = vec3({coordinates});")
     lines += _noise(textures)
     waves = {index: texture for index, texture in textures.items() if texture.kind != "fractal"}
@@ -107,12 +109,15 @@ def _noise(textures: Lane) -> list[str]:
     Written out, since a loop of more than about 5 octaves is not unrolled, and its iterations would count among those
     of the whole shader, of which llvmpipe allows 65,535.
     """
-    lines = _chosen("vec3", "cell", {index: f"q * {vector(WOOD_GRAIN)}" if texture.kind == "wood" else "q"
+    # `precise`, so that compilers do not merge the factors of successive octaves: a steep texture would show the other
+    # rounding of the place in a cell.
+    lines = _chosen("precise vec3", "cell", {index: f"q * {vector(WOOD_GRAIN)}" if texture.kind == "wood" else "q"
                                      for index, texture in textures.items()})
     lines += _chosen("uint", "seed", {index: f"{texture.seed}u" for index, texture in textures.items()})
     lines += _chosen("float", "lacunarity", {index: number(texture.lacunarity) for index, texture in textures.items()})
     most = max(texture.octaves for texture in textures.values())
-    weights = {index: _weights(texture, most) for index, texture in textures.items()}
+    weights = {index: octave_weights(texture.octaves, texture.gain) + [0.0] * (most - texture.octaves)
+               for index, texture in textures.items()}
     for octave in range(most):
         lines += _chosen("float", f"weight_{octave}", {index: number(own[octave]) for index, own in weights.items()})
         if octave == 0:
@@ -121,12 +126,6 @@ def _noise(textures: Lane) -> list[str]:
             lines += ["cell *= lacunarity;",
                       f"noise += weight_{octave} * value_noise(cell, seed + {octave * OCTAVE & UINT32}u);"]
     return lines
-
-
-def _weights(texture: Procedural, most: int) -> list[float]:
-    """Of each octave, so that they add up to 1; 0 for those that the texture does not have."""
-    weights = [texture.gain**octave for octave in range(texture.octaves)]
-    return [weight / sum(weights) for weight in weights] + [0.0] * (most - texture.octaves)
 
 
 def _chosen(kind: str, name: str, values: Mapping[int, str]) -> list[str]:

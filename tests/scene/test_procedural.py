@@ -69,7 +69,7 @@ class TestFormula:
         x, y, z = points()
         t, _ = evaluate(NUMPY, wood, (x, y, z))
         np.testing.assert_allclose(evaluate(NUMPY, wood, (np.hypot(x, y), 0 * y, -z))[0], t, atol=1e-12)
-        radius = np.array([0.0, 0.4, 0.8, 0.9, 1.0, 1.8])
+        radius = np.array([0.0, 0.375, 0.75, 0.875, 1.0, 1.75])
         across, _ = evaluate(NUMPY, wood, (radius, 0 * radius, radius))
         np.testing.assert_allclose(across, [0, 0.5, 1, 0.5, 0, 1], atol=1e-12)
 
