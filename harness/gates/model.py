@@ -112,7 +112,8 @@ class CurvePoint:
     """The first samples of a run against the whole reference.
 
     `error`: of the mean luminance, relative; `low`, `high`: its interval at the gate's confidence, NaN for a single
-    replica; `tile_rmse`: root of the mean squared relative error of the smaller tiles' luminance.
+    replica; `tile_rmse`: root of the mean squared relative error of the smaller tiles' luminance, the reference's noise
+    taken off.
     """
 
     samples: int

@@ -8,23 +8,21 @@ from collections.abc import Callable
 import numpy as np
 
 from harness.files import data_dir
+from harness.gates.budget import factor_needed, tile_scale
 from harness.gates.model import CurvePoint, Gate, GateResult, Look, MitsubaReference
 from harness.gates.references import FixedReference, References, Run
 from harness.runs import Progress, Renderer, quiet
 from harness.scene import Scene, load_scene
-from harness.stats.deviates import critical_deviate, half_width
-from harness.stats.levels import Looks, family_level
+from harness.stats.levels import Looks
 from harness.stats.sequential import Sequence
 from harness.stats.tiles import TileSamples, tile_size
-from harness.stats.verdicts import BiasVerdict, TileVerdict, tile_verdict
+from harness.stats.verdicts import tile_verdict
 from harness.tracer.codegen import scene_chunk
 from harness.tracer.renderer import TracerRenderer, check_strategy
 from harness.tracer.source import ShaderSource, assemble
 
-# A budget that is short by more than this factor, as far as the first look can tell, is refused at once.
-SHORT = 2.0
-# The probability with which an unbiased render is decided by the samples that a message says would do.
-DECIDED = 0.95
+# A factor from which on there is no use in saying how large it is.
+MANY = 1e6
 
 # What renders the test: the tracer, or in tests and for mutants another.
 MakeRenderer = Callable[[Gate, Scene], Renderer]
@@ -97,37 +95,17 @@ def _look(gate: Gate, ours: Run, theirs: Run | FixedReference, advance: Callable
         if verdict.outcome != "inconclusive":
             break
         if number == 0:
-            _require_budget(gate, sequence, verdict)
+            _require_budget(gate, sequence, test, reference)
     return done
 
 
-def _require_budget(gate: Gate, sequence: Sequence, pilot: BiasVerdict) -> None:
-    needed = replicas_needed(sequence, pilot, gate.looks[0])
-    if needed > SHORT * gate.replicas:
-        raise gate.error(
-            f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small to decide; about "
-            f"{_times(needed / gate.replicas)} the samples would do{_of_reference(gate)}, or a wider tolerance")
-
-
-def replicas_needed(sequence: Sequence, pilot: BiasVerdict, replicas: int) -> float:
-    """About how many replicas like the `replicas` of the pilot decide with probability 0.95, if there is no bias.
-
-    From the pilot's variance alone, never from its error, so that verdicts keep their level (Stein 1945). Infinite
-    where the variance is unknown.
-    """
-    final = sequence.looks.level(len(sequence.looks.samples) - 1, sequence.pass_level)
-
-    def needed(part: TileVerdict) -> float:
-        # The pilot's interval at Student's width; the larger degrees of freedom of both sides would make it narrower.
-        sigma = (part.high - part.low) / 2 / half_width(np.ones(()), np.array(replicas - 1.0), part.pass_level)
-        if not np.isfinite(sigma).all():
-            return float("inf")
-        room = critical_deviate(family_level(1 - DECIDED, sigma.size) / 2) + critical_deviate(final / 2)
-        if part.tolerance == 0:
-            return float("inf") if sigma.any() else 0.0
-        return float(replicas * (room * sigma.max() / part.tolerance)**2)
-
-    return max(needed(part) for part in (pilot.mean, pilot.coarse, pilot.fine))
+def _require_budget(gate: Gate, sequence: Sequence, test: TileSamples, reference: TileSamples) -> None:
+    share = gate.looks[0] / gate.replicas
+    if share * factor_needed(sequence, test, reference, at_least=True) > 1:
+        factor = share * factor_needed(sequence, test, reference)
+        also = " (of the reference as well)" if isinstance(gate.reference, MitsubaReference) else ""
+        raise gate.error(f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small to "
+                         f"decide; about {_times(factor)} the samples would do{also}, or wider tolerances")
 
 
 def _result(gate: Gate, scene: Scene, looks: list[Look], ours: Run, theirs: Run | FixedReference,
@@ -154,14 +132,12 @@ def _curve(gate: Gate, ours: Run, theirs: Run | FixedReference) -> tuple[CurvePo
 
 def _point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) -> CurvePoint:
     whole = tile_verdict(test.whole(), reference.whole(), gate.tolerance.mean, pass_level=gate.pass_level)
-    tiles = tile_verdict(test, reference, gate.tolerance.fine)
     error, low, high = (float(values[0, 0, 3]) for values in (whole.error, whole.low, whole.high))
-    return CurvePoint(samples, error, low, high, float(np.sqrt((tiles.error[..., 3]**2).mean())))
-
-
-def _of_reference(gate: Gate) -> str:
-    return " (of the reference as well)" if isinstance(gate.reference, MitsubaReference) else ""
+    theirs = reference.moments()
+    squares = (test.moments().mean - theirs.mean)**2 - theirs.variance
+    square = float((squares / tile_scale(theirs)**2)[..., 3].mean())
+    return CurvePoint(samples, error, low, high, float(np.sqrt(max(square, 0.0))))
 
 
 def _times(factor: float) -> str:
-    return f"{factor:.2g} times" if factor < 1e6 else "many times"
+    return f"{max(factor, 1.1):.2g} times" if factor < MANY else "more than a million times"
