@@ -39,7 +39,7 @@ def lobe_directions(variant: Variant, alpha: float, angle: float, strategy: int 
 
 
 def direction_chi2(directions: np.ndarray, pdf: Pdf) -> tuple[float, float]:
-    """Pearson's χ² of directions (N, 3) against a pdf over the upper hemisphere, per degree of freedom, and its p-value.
+    """Pearson's χ² of directions (N, 3) against a pdf over the upper hemisphere, per degree of freedom; its p-value.
 
     Cells are rings of equal solid angle cut into sectors; what the pdf leaves for below the horizon, together with
     cells that expect fewer than 10, makes one more if it expects as many. The pdf is integrated over a cell by 40 × 40
@@ -87,7 +87,7 @@ def lobe_albedo(alpha: float, angle: float) -> float:
 
 
 def frame_defects(variant: Variant, axes: np.ndarray) -> np.ndarray:
-    """How far the frame about each axis (N, 3) is from orthonormal: the largest entry of |FᵀF - 1|, infinite for NaN."""
+    """How far the frame about each axis (N, 3) is from orthonormal: largest |FᵀF - 1|, infinite for NaN; (N,)."""
     found = variant.probe("basis.frag", np.c_[axes, np.zeros(len(axes))], outputs=3)
     frames = found.reshape(-1, 3, 4)[..., :3]
     gram = np.einsum("nij,nkj->nik", frames, frames)

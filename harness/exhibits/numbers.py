@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from harness.estimate import Accumulator, Estimate, luminance
 from harness.exhibits import checks
-from harness.exhibits.estimators import HEIGHT, WIDTH, image_finding
+from harness.exhibits.estimators import HEIGHT, WIDTH, mean_error
+from harness.exhibits.texts import exhibit
 from harness.exhibits.variants import NOISE, OURS, RANDOM, Variant
 from harness.files import data_dir
 from harness.metrics import rmse
@@ -27,95 +28,92 @@ BOTH = (("handout", RANDOM), ("ours", OURS))
 LATE, LATEST = 100_000, 1_000_000
 NOISE_SPP = 256
 CURVE_SPP, TRUTH_SPP = 4096, 8192
+# A generator of 24-bit numbers repeats itself as often as chance has it (a standard deviation is 5e-4 of it), and a
+# number in 65,536 is a multiple of 1/256.
+ENOUGH_VALUES, TOO_COARSE = 0.99, 1e-3
+# Relative deviation below which a pixel has no noise but that of float32 sums.
+ROUNDING = 1e-4
+# Textures of two renderers agree to 1e-5 where they share their hash; a hundred times that is another hash.
+SAME_TEXTURE = 1e-3
 
 
 def random_numbers(store: Store | None) -> Exhibit:
     """The seed in a float32, and the generator that is a sine."""
     scene = load_scene(data_dir("mitsuba_scenes") / "spheres.xml", width=96, height=72)
-    first = {name: checks.random_numbers(variant, 0)[..., :4] for name, variant in BOTH}
-    late = {name: checks.random_numbers(variant, LATE)[..., 0] for name, variant in BOTH}
-    shares = [checks.distinct_share(first[name]) for name, _ in BOTH]
-    coarse = [float((first[name] * 256 % 1 == 0).mean()) for name, _ in BOTH]
-    rows = [checks.correlation(late[name][1:] - 0.5, late[name][:-1] - 0.5) for name, _ in BOTH]
     truth = OURS.render(scene, "mixture", TRUTH_SPP, store)
-    runs = {name: _run(variant, scene, truth, store) for name, variant in BOTH}
-    # The truth has white noise of its own, so much of the variance of the difference.
-    dilution = 1 + CURVE_SPP / TRUTH_SPP
-    early = [dilution * checks.correlation(runs[name][1][:, 1:], runs[name][1][:, :-1]) for name, _ in BOTH]
-    noise = {name: _late_noise(variant, scene, truth) for name, variant in BOTH}
-    columns = [checks.correlation(noise[name][:, 1:], noise[name][:, :-1]) for name, _ in BOTH]
-    below = [checks.correlation(noise[name][1:], noise[name][:-1]) for name, _ in BOTH]
     reference = render_reference(scene, 4 * NOISE_SPP, store=store)
     verdicts = [judge(variant.render(scene, "mixture", 2 * NOISE_SPP, store), reference) for _, variant in BOTH]
-    pairs = late["ours"][1:].size
-
-    def correlated(values: list[float], of: int, measures: str) -> Finding:
-        return Finding("neighbour correlation", measures, values[0], values[1], "number",
-                       checks.correlates(values[0], of), not checks.correlates(values[1], of))
-
-    last = [runs[name][0].y[-1] for name, _ in BOTH]
-    return Exhibit(
-        "sine-random", "Random numbers from a sine", "course/random.glsl",
-        "seed = (numpass*0.9610356 + 1024*texcoord.x + texcoord.y)*1.51269341231\n"
-        "rand() = fract(sin(seed++)*43758.5453123)",
-        "an integer hash of (pixel, pass, replica): lib/random.glsl",
-        f"No dramatic failure: the RMSE falls as it should (at {CURVE_SPP:,} passes it is "
-        f"{100 * (last[0] / last[1] - 1):+.1f} % off ours) and the image's mean is right within ±0.2 %. But the float32 "
-        "seed and the sine have few values, and the larger the pass, the fewer: rows of the image then share their random "
-        f"numbers, so that their noise is alike ({below[0]:.2f} correlation between rows, {columns[0]:.2f} between columns, at "
-        "pass 1,000,000) and no longer averages out over the picture. What sine a GPU has decides the rest; these are the "
-        "numbers of this driver.",
-        "Seed an integer hash with the integer pixel, pass and replica. It is no slower, the same on every GPU, and no two "
-        "pixels share a stream.",
-        (Finding("distinct values", f"among {first['ours'].size:,} numbers of pass 0, of those expected", *shares, "share",
-                 shares[0] < 0.99, shares[1] > 0.99),
-         Finding("distinct values", "whole multiples of 1/256 among them; expected 0.0015 %", *coarse, "share",
-                 coarse[0] > 1e-3, coarse[1] < 1e-3),
-         correlated(rows, pairs, "numbers of pixels one above the other at pass 100,000"),
-         correlated(early, noise["ours"][:, 1:].size, f"noise of x-neighbours after the first {CURVE_SPP:,} passes"),
-         correlated(columns, noise["ours"][:, 1:].size, f"noise of x-neighbours, {NOISE_SPP} passes from 1,000,000"),
-         correlated(below, noise["ours"][1:].size, "noise of y-neighbours, the same passes"),
-         image_finding(*verdicts, f"spheres, the first {2 * NOISE_SPP} passes")),
-        tuple(ExhibitImage(f"Noise at pass 1,000,000, {name}", noise[name]) for name, _ in BOTH),
-        (_value_plot(first), _row_plot(), Plot("RMSE (radiance)", "passes", "xy", tuple(run[0] for run in runs.values()))))
+    curves = [_rmse_curve(variant, scene, truth, store) for _, variant in BOTH]
+    noise = [_noise(variant, scene, LATEST, truth) for _, variant in BOTH]
+    findings = (*_number_findings(), _correlated(f"noise of x-neighbours, {NOISE_SPP} passes from 1,000,000", noise, 1),
+                _correlated("noise of y-neighbours, the same passes", noise, 0),
+                mean_error(f"spheres, the first {2 * NOISE_SPP} passes", *verdicts))
+    columns, rows = (finding.handout for finding in findings[-3:-1])
+    assert isinstance(columns, float) and isinstance(rows, float)
+    images = [ExhibitImage(f"{name.capitalize()}, pass 1,000,000", picture)
+              for (name, _), picture in zip(BOTH, noise, strict=True)]
+    return exhibit("sine-random", findings, images,
+                   (_value_plot(), _row_plot(), Plot("RMSE (radiance)", "passes", "xy", tuple(curves))),
+                   passes=CURVE_SPP, excess=100 * float(curves[0].y[-1] / curves[1].y[-1] - 1), rows=rows,
+                   columns=columns)
 
 
-def _run(variant: Variant, scene: Scene, truth: Estimate, store: Store | None) -> tuple[Series, np.ndarray]:
-    """RMSE of one run at the powers of two up to CURVE_SPP passes, and the relative noise (H, W) at its end."""
+def _number_findings() -> tuple[Finding, ...]:
+    """What the numbers themselves show, without a scene."""
+    first = [checks.random_numbers(variant, 0)[..., :4].ravel() for _, variant in BOTH]
+    late = [checks.random_numbers(variant, LATE)[..., 0] - 0.5 for _, variant in BOTH]
+    shares = [checks.distinct_share(numbers) for numbers in first]
+    coarse = [float((numbers * 256 % 1 == 0).mean()) for numbers in first]
+    return (Finding("distinct values", f"among {first[0].size:,} numbers of pass 0, as a share of those expected",
+                    shares[0], shares[1], "share", shares[0] < ENOUGH_VALUES, shares[1] > ENOUGH_VALUES),
+            Finding("distinct values", "whole multiples of 1/256 among them; expected 0.0015 %", coarse[0], coarse[1],
+                    "share", coarse[0] > TOO_COARSE, coarse[1] < TOO_COARSE),
+            _correlated("rand() in pixels one above the other, pass 100,000", late, 0))
+
+
+def _correlated(measures: str, fields: Sequence[np.ndarray], axis: int) -> Finding:
+    """The correlation of neighbours along an axis of two fields (H, W) of mean zero, the handout's and ours."""
+    found = [checks.correlation(np.delete(field, 0, axis), np.delete(field, -1, axis)) for field in fields]
+    caught, wrong = (checks.correlates(value, int(np.count_nonzero(fields[0]))) for value in found)
+    return Finding("neighbour correlation", measures, found[0], found[1], "number", caught, not wrong)
+
+
+def _rmse_curve(variant: Variant, scene: Scene, truth: Estimate, store: Store | None) -> Series:
+    """RMSE of one run at the powers of two up to CURVE_SPP passes, the truth's own noise taken off."""
     renderer = variant.renderer(scene, "mixture")
-    total, done, x, y = Accumulator(), 0, [], []
+    total, x, y = Accumulator(), [], []
     try:
         for batch in batches(renderer, CURVE_SPP, replica=3, store=store):
             total.add(batch)
-            done += batch.samples
-            if done & (done - 1) == 0:
-                x.append(done)
+            if total.samples & (total.samples - 1) == 0:
+                x.append(total.samples)
                 y.append(rmse(total.mean, truth.mean, noise=truth.variance))
     finally:
         renderer.release()
-    line = Series("ours" if variant is OURS else "handout", variant is OURS, np.array(x), np.array(y))
-    return line, _relative_noise(total.mean, truth)
+    return Series("ours" if variant is OURS else "handout", variant is OURS, np.array(x), np.array(y))
 
 
-def _late_noise(variant: Variant, scene: Scene, truth: Estimate) -> np.ndarray:
-    """Relative noise of luminance (H, W) of NOISE_SPP passes from pass LATEST on."""
+def _noise(variant: Variant, scene: Scene, start: int, truth: Estimate) -> np.ndarray:
+    """Noise of luminance (H, W) of NOISE_SPP passes from `start` on, in standard deviations of each pixel.
+
+    Its mean is taken off; it is 0 where there is nothing but sky.
+    """
     renderer = variant.renderer(scene, "mixture")
     try:
-        return _relative_noise(renderer.render_batch(3, LATEST, NOISE_SPP).mean, truth)
+        found = renderer.render_batch(3, start, NOISE_SPP).mean
     finally:
         renderer.release()
+    mean, deviation = luminance(truth.mean), np.sqrt(truth.luminance_variance * (TRUTH_SPP / NOISE_SPP))
+    noisy = deviation > ROUNDING * mean
+    standard = np.where(noisy, luminance(found) - mean, 0) / np.where(noisy, deviation, 1)
+    return np.where(noisy, standard - standard[noisy].mean(), 0)
 
 
-def _relative_noise(image: np.ndarray, truth: Estimate) -> np.ndarray:
-    relative = luminance(image) / luminance(truth.mean) - 1
-    return np.asarray(relative - relative.mean())
-
-
-def _value_plot(numbers: dict[str, np.ndarray]) -> Plot:
-    """How often each of the values k/4096 is drawn within a 64th of the range, per 1000 draws in there."""
+def _value_plot() -> Plot:
+    """How often the steps of 1/4096 are hit within a 64th of the range at pass 0, per 1000 draws in there."""
     series = []
-    for name, _ in BOTH:
-        values = numbers[name].ravel()
+    for name, variant in BOTH:
+        values = checks.random_numbers(variant, 0).ravel()
         inside = values[(values >= 0.5) & (values < 0.5 + 1 / 64)]
         counts = np.bincount(((inside - 0.5) * 4096).astype(int), minlength=64)
         series.append(Series(name, name == "ours", 0.5 + np.arange(64) / 4096, 1000 * counts / len(inside)))
@@ -128,7 +126,8 @@ def _row_plot() -> Plot:
     series = []
     for name, variant in BOTH:
         found = [checks.random_numbers(variant, int(number), side=128)[..., 0] - 0.5 for number in passes]
-        series.append(Series(name, name == "ours", passes, np.array([checks.correlation(n[1:], n[:-1]) for n in found])))
+        rows = np.array([checks.correlation(numbers[1:], numbers[:-1]) for numbers in found])
+        series.append(Series(name, name == "ours", passes, rows))
     return Plot("Correlation of rand() between rows", "pass", "x", tuple(series))
 
 
@@ -142,7 +141,7 @@ def sine_noise(store: Store | None) -> Exhibit:
     """A lattice hash out of a sine: another texture in each renderer."""
     x, y = np.meshgrid((np.arange(POINTS) + 0.5) / POINTS * PATCH + DISTANCE, (np.arange(POINTS) + 0.5) / POINTS * PATCH
                        + DISTANCE)
-    points = np.float32(np.stack([x, y, np.full_like(x, 10.0)], axis=-1).reshape(-1, 3) * FREQUENCY)
+    points = (np.stack([x, y, np.full_like(x, 10.0)], axis=-1).reshape(-1, 3) * FREQUENCY).astype(np.float32)
     fields = {("handout", "GLSL"): _shader_fbm(NOISE, points), ("ours", "GLSL"): _shader_fbm(OURS, points),
               ("handout", "Mitsuba"): _fbm(points, _sine_lattice),
               ("ours", "Mitsuba"): _fbm(points, lambda p, seed: value_noise(NUMPY, tuple(p.T), seed)[0])}
@@ -153,22 +152,14 @@ def sine_noise(store: Store | None) -> Exhibit:
     ours = _lattice_distance(OURS, _integer_hash, numbers[-1])
     images = [ExhibitImage(f"{'Handout' if name == 'handout' else 'Ours'} in {where}", _grey(marble[name, where]))
               for name in ("handout", "ours") for where in ("GLSL", "Mitsuba")]
-    return Exhibit(
-        "sine-noise", "Value noise on a sine", "course/noise.glsl",
-        "hash(n) = fract(sin(n)*43758.5453123)", "an integer hash of the lattice point: lib/noise.glsl",
-        "The factor 43758.5 magnifies the last digits of the sine until they are the first digits of the hash, and those "
-        "digits are each compiler's own. Mitsuba's compiler reduces large arguments less carefully than this GL driver, so "
-        "far from the origin, where the lattice points have large numbers, the two draw different textures from the same "
-        f"formula: marble differs by up to {largest[0]:.2f} of the range from black to white. So would two GPUs.",
-        "Hash the lattice point with integer arithmetic: the same bits on every machine, and points that happen to share "
-        "x + 57 y + 113 z no longer share their value.",
-        (Finding("renderers agree", "largest difference of marble between GLSL and Mitsuba", *largest, "number",
-                 largest[0] > 1e-3, largest[1] < 1e-3),
-         Finding("renderers agree", "mean difference of the hash about lattice point (1,000,000, 0, 0); of unrelated values: 0.33",
-                 apart[-1], ours, "number", apart[-1] > 1e-3, ours < 1e-3)),
-        tuple(images),
-        (Plot("Mean difference of hash(n), GLSL against Mitsuba", "lattice number n", "xy", (
-            Series("handout", False, numbers, np.maximum(apart, 1e-6)),)),))
+    findings = (
+        Finding("renderers agree", "largest difference of marble between GLSL and Mitsuba", largest[0], largest[1],
+                "number", largest[0] > SAME_TEXTURE, largest[1] < SAME_TEXTURE),
+        Finding("renderers agree", "mean difference of lattice values near (1,000,000, 0, 0); of unrelated ones 0.33",
+                apart[-1], ours, "number", apart[-1] > SAME_TEXTURE, ours < SAME_TEXTURE))
+    plot = Plot("Mean difference of hash(n), GLSL and Mitsuba", "lattice number n", "xy", (
+        Series("handout", False, numbers, np.maximum(apart, 1e-6)),))
+    return exhibit("sine-noise", findings, images, [plot], largest=largest[0])
 
 
 def _shader_fbm(variant: Variant, points: np.ndarray) -> np.ndarray:
@@ -181,9 +172,9 @@ def _shader_fbm(variant: Variant, points: np.ndarray) -> np.ndarray:
 
 def _fbm(points: np.ndarray, noise: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
     """The same sum over a noise of points (N, 3) and a seed; as lib/noise.glsl adds it up."""
-    total, weights, weight, seed, at = 0.0, 0.0, 1.0, SEED, points.astype(np.float64)
+    total, weights, weight, seed, at = np.zeros(len(points)), 0.0, 1.0, SEED, points.astype(np.float64)
     for _ in range(OCTAVES):
-        total = total + weight * noise(at, seed)
+        total += weight * noise(at, seed)
         weights, weight, at = weights + weight, weight * GAIN, at * LACUNARITY
         seed = seed + 0x9E3779B9 & 0xFFFFFFFF
     return np.asarray(total / weights)
@@ -241,13 +232,7 @@ def convergence(store: Store | None) -> Exhibit:
     mean, low, high = (float(bound[0]) for bound in band(ratios[:, None], 0.95, geometric=True))
     time = mean * slow.cpu_seconds_per_spp / fast.cpu_seconds_per_spp
     series = tuple(Series(s.strategy, s is fast, s.spp.astype(float), s.rmse.mean(axis=0)) for s in (slow, fast))
-    return Exhibit(
-        "convergence", "Importance sampling and convergence time", "",
-        "“importance sampling augments convergence time”", "importance sampling reduces convergence time",
-        f"The opposite was meant. On the course's scene uniform sampling takes {mean:.0f} times the samples of mixture "
-        f"(95 % interval {low:.0f} to {high:.0f}) to the same RMSE, and {time:.0f} times the CPU time.",
-        "Say what is compared: samples, or time, to the same error. Both estimators fall as 1/√N; importance sampling "
-        "lowers the line and does not tilt it.",
-        (Finding("equal error", "samples that the strategy needs over those of uniform, to the same RMSE", "more than 1",
-                 f"{1 / mean:.2g}", "words", low > 1, high > 1),),
-        (), (Plot("RMSE (radiance)", "samples per pixel", "xy", series),))
+    finding = Finding("equal error", "samples to the same RMSE, over those of uniform sampling", "more than 1",
+                      f"{1 / mean:.2g}", "words", low > 1, low > 1)
+    return exhibit("convergence", [finding], (), [Plot("RMSE (radiance)", "samples per pixel", "xy", series)],
+                   samples=mean, low=low, high=high, time=time)
