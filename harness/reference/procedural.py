@@ -102,6 +102,7 @@ def plugin_class(mi: Any) -> type:
             return mi.luminance(self._channels(si, active))
 
         def mean(self) -> Any:
+            # Of the colours: Mitsuba asks for a rough number, by which some materials choose between lobes.
             return mi.Float(float(np.mean(self.texture.colors)))
 
         def max(self) -> float:

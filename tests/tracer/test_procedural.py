@@ -91,9 +91,9 @@ def test_shader_and_mitsuba_agree(mi: Any, scene: SceneWriter, seed: int) -> Non
     bodies = ['<ref id="shared"/>', full, '<ref id="shared"/>']
     made = scene(shared + "".join(f'<shape type="sphere">{place}{body}</shape>'
                                   for place, body in zip(PLACES, bodies, strict=True)))
-    shapes = instantiate(made).shapes()
+    twin = instantiate(made)  # must outlive what is computed from it
     for index in range(3):
-        found, expected = shader(made, index, points()), mitsuba(mi, shapes[index], points())
+        found, expected = shader(made, index, points()), mitsuba(mi, twin.shapes()[index], points())
         for name, values in expected.items():
             scale = max(1.0, float(np.max(values)))
             assert np.abs(found[name] - values).max() < AGREEMENT * scale, f"{name} of shape {index}"
