@@ -1,5 +1,5 @@
-// The camera ray through a point of the film. In: input0.xy = film point, (0,0) at the bottom left. Out: output0 =
-// origin, reach; output1 = direction.
+// The camera ray through a point of the film. In: input0 = film point, (0,0) at the bottom left, and what picks the point
+// of the lens where there is one. Out: output0 = origin, reach; output1 = direction.
 #include "scene.glsl"
 #include "lib/camera.glsl"
 
@@ -12,7 +12,12 @@ void main()
 {
     vec3 o, d;
     float reach;
-    camera_ray(texelFetch(input0, ivec2(gl_FragCoord.xy), 0).xy, o, d, reach);
+    vec4 numbers = texelFetch(input0, ivec2(gl_FragCoord.xy), 0);
+#if HAS_LENS
+    lens_ray(numbers.xy, numbers.zw, o, d, reach);
+#else
+    camera_ray(numbers.xy, o, d, reach);
+#endif
     output0 = vec4(o, reach);
     output1 = vec4(d, 0.0);
 }

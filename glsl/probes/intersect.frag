@@ -1,5 +1,6 @@
-// Where a ray meets the scene. In: input0 = origin, reach; input1 = direction. Out: output0 = unit normal, distance
-// (NO_HIT where it escapes); output1 = emission towards the ray's origin, shape id (-1 where it escapes).
+// Where a ray meets the scene. In: input0 = origin, reach; input1 = direction, and what set_time takes. Out: output0 =
+// unit normal, distance (NO_HIT where it escapes); output1 = emission towards the ray's origin, shape id (-1 where it
+// escapes).
 #include "scene.glsl"
 
 uniform sampler2D input0;
@@ -12,11 +13,21 @@ void main()
 {
     ivec2 row = ivec2(gl_FragCoord.xy);
     vec4 origin = texelFetch(input0, row, 0);
-    vec3 d = texelFetch(input1, row, 0).xyz;
+    vec4 direction = texelFetch(input1, row, 0);
+    vec3 d = direction.xyz;
+#if HAS_MOTION
+    set_time(direction.w);
+#endif
     int id;
     float t = intersect_scene(origin.xyz, d, origin.w, id);
     vec3 p = origin.xyz + t * d;
+#if HAS_MOTION
+    p = to_rest(id, p);
+#endif
     vec3 n = id < 0 ? vec3(0.0) : surface_normal(id, p);
+#if HAS_MOTION
+    n = from_rest(id, n);
+#endif
     output0 = vec4(n, t);
     output1 = vec4(vec3(0.0), float(id));
 #if HAS_PROCEDURAL
