@@ -56,7 +56,7 @@ def test_defaults_are_the_loaders(mi: Any, tmp_path: Path, kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_evaluations_agree(mi: Any, kind: str) -> None:
-    """eval, eval_3 and eval_1, which is the luminance; black where inactive; max is the largest channel, mean that of the colours."""
+    """eval, eval_3 and eval_1, which is the luminance; black where inactive. max and mean are those of the colours."""
     plugin = mi.load_dict({"type": kind, "color0": {"type": "rgb", "value": [0.1, 0.9, 0.3]}, "color1": 0.5,
                            "color2": {"type": "rgb", "value": [3.0, 0.0, 1.0]}})
     si = interaction(mi, points())
