@@ -11,7 +11,7 @@ import numpy as np
 
 from harness.errors import SceneError
 from harness.mitsuba_runtime import import_mitsuba
-from harness.scene.model import RGB, Bitmap, EnvironmentMap, Matrix3
+from harness.scene.model import RGB, Bitmap, EnvironmentMap, Matrix3, as_matrix
 from harness.scene.nodes import Node
 
 # Texels of an image; more would take over half a gigabyte in the tracer, which holds each as four float32.
@@ -35,7 +35,7 @@ def load_bitmap(node: Node) -> Bitmap:
     _choice(node, "format", ("auto",))
     node.ignore("accel")  # of CUDA only
     try:
-        peak = _survey(path, digest, raw, False)
+        peak = _peak(path, digest, raw)
     except SceneError as error:
         raise node.error(str(error)) from None
     bitmap = Bitmap(path, digest, raw, filter_type, wrap_mode, load_to_uv(node), peak)
@@ -67,12 +67,11 @@ def load_environment_map(node: Node) -> EnvironmentMap:
                          "directions' lengths, which Mitsuba does not expect (use 'scale' for the brightness)")
     node.ignore("mis_compensation")  # changes Mitsuba's noise, not the mean
     try:
-        _survey(path, digest, False, True)
+        rows = _texels(path, digest, False, True).shape[0]
     except SceneError as error:
         raise node.error(str(error)) from None
     node.done(["filename", "scale", "to_world"])
-    rows = tuple(tuple(float(value) for value in row) for row in matrix)
-    return EnvironmentMap(path, digest, scale, rows)  # type: ignore[arg-type]  # four rows of four
+    return EnvironmentMap(path, digest, rows, scale, as_matrix(matrix))
 
 
 def bitmap_texels(bitmap: Bitmap) -> np.ndarray:
@@ -118,9 +117,9 @@ def _choice(node: Node, name: str, allowed: tuple[Any, ...]) -> Any:
 
 
 @functools.lru_cache(maxsize=64)
-def _survey(path: Path, digest: str, raw: bool, environment: bool) -> RGB:
-    """The largest texel of each channel; a material that many shapes share is read once. SceneError as `_texels`."""
-    red, green, blue = _texels(path, digest, raw, environment).max(axis=(0, 1))
+def _peak(path: Path, digest: str, raw: bool) -> RGB:
+    """The largest texel of each channel; a texture that many shapes share is read once. SceneError as `_texels`."""
+    red, green, blue = _texels(path, digest, raw, False).max(axis=(0, 1))
     return float(red), float(green), float(blue)
 
 

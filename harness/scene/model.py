@@ -172,11 +172,12 @@ class EnvironmentMap:
     """A latitude-longitude image as the light from infinity: Mitsuba's `envmap`.
 
     `digest` and `path` as in `Bitmap`; radiance is the texel times `scale`. `to_world` takes the map's directions,
-    +y up, to the scene's.
+    +y up, to the scene's. The first and the last of the image's `rows` lie on the poles.
     """
 
     path: Path
     digest: str
+    rows: int
     scale: float
     to_world: Matrix
 

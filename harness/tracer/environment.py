@@ -26,5 +26,6 @@ def environment_function(environment: RGB | EnvironmentMap) -> list[str]:
         "edge in t, no mipmaps.",
         f"uniform sampler2D {SAMPLER};",
         "",
-        *function("vec3 environment(vec3 d)", [f"return environment_texel({SAMPLER}, {turned}){scaled};"]),
+        *function("vec3 environment(vec3 d)",
+                  [f"return environment_texel({SAMPLER}, {number(environment.rows)}, {turned}){scaled};"]),
     ]
