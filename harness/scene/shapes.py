@@ -19,6 +19,7 @@ PARAMETERS: dict[ShapeKind, tuple[str, ...]] = {
 # How far two edges of a frame may be from equal and at right angles, relative to their squared length: what float32
 # leaves of composed rotations. An area that is off by as much is far below any tolerance.
 EVENNESS = 1e-5
+EVEN = "rotation (about an axis of length 1), translation and uniform scale"
 
 
 def load_shape(node: Node) -> Shape:
@@ -74,7 +75,7 @@ def _sphere(node: Node, matrix: np.ndarray, flip: bool) -> tuple[np.ndarray, boo
     radius = _radius(node)
     if not _is_even(matrix[:3, :3]):  # Mitsuba makes some sphere of it, of another size
         raise node.error(f"'to_world' of a {node.plugin} must not shear or scale unevenly; "
-                         "use rotation, translation and uniform scale")
+                         f"use {EVEN}")
     local = np.diag([radius, radius, radius, 1.0])
     local[:3, 3] = center
     # A mirrored sphere is turned inside out in Mitsuba (Sphere::update), unlike every other mirrored shape.
@@ -101,7 +102,7 @@ def _cylinder(node: Node, matrix: np.ndarray, *, emits: bool) -> np.ndarray:
     radial, axial = np.linalg.norm(placed[:3, [0, 2]], axis=0)
     if emits and not _is_even(placed[:3, :3] / [1, 1, axial / radial]):
         raise node.error("'to_world' of a cylinder that emits must keep it round and upright, since Mitsuba samples it "
-                         "as if it were; use rotation, translation, uniform scale and scale along its axis")
+                         f"as if it were; use {EVEN}, and scale along its axis")
     if emits and np.linalg.det(placed[:3, :3]) < 0:
         raise node.error("'to_world' of a cylinder that emits must not mirror it, since Mitsuba would light its other "
                          "side; mirror 'p0' and 'p1' instead")

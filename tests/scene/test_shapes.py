@@ -60,7 +60,7 @@ REFUSED = {
     **{f"{kind} with a NaN": (kind, under('<scale value="nan"/>'), "must be a finite affine transform")
        for kind in ("sphere", "rectangle", "disk", "cube", "cylinder")},
     "rotation about a long axis": ("sphere", under('<rotate x="1" y="1" angle="20"/>'),
-                                   "use rotation"),
+                                   "use rotation (about an axis of length 1), translation and uniform scale"),
 }
 
 
