@@ -78,10 +78,11 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class ExhibitImage:
-    """A picture: linear radiance (H, W, 3), or a signed relative difference (H, W) where it is one."""
+    """A picture: linear radiance (H, W, 3), or a signed map (H, W) of relative differences or standard deviations."""
 
     title: str
     image: np.ndarray
+    unit: Literal["radiance", "relative", "deviations"] = "radiance"
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +110,7 @@ class Exhibit:
     """An error of the handout: its formula and the right one as GLSL, what it does, and what finds it.
 
     `file`: where its text stands under glsl/, empty for an error of wording. `effect` and `advice`: sentences.
+    `message`: what the compiler says of it, if it does not compile.
     """
 
     id: str
@@ -121,3 +123,4 @@ class Exhibit:
     findings: tuple[Finding, ...]
     images: tuple[ExhibitImage, ...] = ()
     plots: tuple[Plot, ...] = ()
+    message: str = ""

@@ -17,13 +17,13 @@ from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError, StoreError
 
 if TYPE_CHECKING:
-    from harness.results import StudyResult
+    from harness.results import Exhibit, StudyResult
     from harness.scene import Scene
     from harness.studies import Profile
 
 # What a study's numbers depend on besides its scene and settings: the code that makes them.
 _CODE = ("estimate.py", "metrics.py", "runs.py", "studies.py", "store.py", "results.py", "scene", "stats", "tracer",
-         "reference", "report/storage.py")
+         "reference", "exhibits", "report/storage.py")
 
 
 def report(
@@ -35,6 +35,8 @@ def report(
     json: JsonOption = False,
 ) -> int:
     """Study every scene with every strategy that suits it, and set the results as a PDF and an HTML page.
+
+    Without scene files of your own the report also shows the course handout's errors, each measured.
 
     What was rendered before is read back; an interrupted report continues. Exit status 1 when a verdict is not pass.
 
@@ -57,7 +59,14 @@ def report(
             if fresh:
                 elapsed[scene.name] = time.perf_counter() - scene_began
             advance(1)
-    pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE), elapsed=elapsed)
+    exhibits: Sequence[Exhibit] = ()
+    if not scenes:
+        began_exhibits = time.perf_counter()
+        exhibits, fresh = _exhibited()
+        if fresh:
+            elapsed["the handout's errors"] = time.perf_counter() - began_exhibits
+    pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE), elapsed=elapsed,
+                       exhibits=exhibits)
     verdicts = {f"{result.scene} {item.strategy}": item.verdict.outcome
                 for result in results for item in result.strategies if item.suits}
     lost = [name for name, outcome in verdicts.items() if outcome != "pass"]
@@ -127,6 +136,24 @@ def _studied(scene: Scene, profile: Profile) -> tuple[StudyResult, bool]:
                    reference_spp=profile.reference_spp, store=open_store(True), progress=progress)
     save_study(result, folder)
     return result, True
+
+
+def _exhibited() -> tuple[Sequence[Exhibit], bool]:
+    """The handout's errors, and whether they were measured now: read back where the code is the same."""
+    from harness.exhibits import load_exhibits, measure_exhibits, save_exhibits
+    from harness.files import cache_dir
+    from harness.runs import versions
+
+    key = json_module.dumps({"code": _code_hash(), **versions()}, sort_keys=True)
+    folder = cache_dir() / "exhibits" / hashlib.sha256(key.encode()).hexdigest()[:24]
+    if folder.exists():
+        try:
+            return load_exhibits(folder), False
+        except StoreError as error:
+            log(f"warning: {error.args[0].partition(';')[0]}; the exhibits are measured again")
+    exhibits = measure_exhibits(open_store(True), progress)
+    save_exhibits(exhibits, folder)
+    return exhibits, True
 
 
 def _code_hash() -> str:

@@ -50,7 +50,7 @@ def random_numbers(store: Store | None) -> Exhibit:
                 mean_error(f"spheres, the first {2 * NOISE_SPP} passes", *verdicts))
     columns, rows = (finding.handout for finding in findings[-3:-1])
     assert isinstance(columns, float) and isinstance(rows, float)
-    images = [ExhibitImage(f"{name.capitalize()}, pass 1,000,000", picture)
+    images = [ExhibitImage(f"{name.capitalize()}, pass 1,000,000", picture, "deviations")
               for (name, _), picture in zip(BOTH, noise, strict=True)]
     return exhibit("sine-random", findings, images,
                    (_value_plot(), _row_plot(), Plot("RMSE (radiance)", "passes", "xy", tuple(curves))),

@@ -50,7 +50,7 @@ def load_exhibits(folder: str | Path) -> tuple[Exhibit, ...]:
 
 
 def _exhibit(held: dict[str, Any], arrays: Any) -> Exhibit:
-    images = tuple(ExhibitImage(image["title"], arrays[image["image"]]) for image in held["images"])
+    images = tuple(ExhibitImage(image["title"], arrays[image["image"]], image["unit"]) for image in held["images"])
     plots = tuple(Plot(plot["title"], plot["x_label"], plot["log"], tuple(
         Series(line["name"], line["ours"], arrays[line["x"]], arrays[line["y"]]) for line in plot["series"]))
         for plot in held["plots"])

@@ -96,8 +96,8 @@ TEXTS = {
 
 
 def exhibit(id: str, findings: Sequence[Finding], images: Sequence[ExhibitImage] = (), plots: Sequence[Plot] = (),
-            **numbers: float) -> Exhibit:
+            message: str = "", **numbers: float) -> Exhibit:
     """The exhibit of that id: its text with the measured numbers in their places, and what was found."""
     text = TEXTS[id]
     return Exhibit(id, text.title, text.file, text.handout, text.right, text.effect.format(**numbers), text.advice,
-                   tuple(findings), tuple(images), tuple(plots))
+                   tuple(findings), tuple(images), tuple(plots), message)

@@ -92,11 +92,12 @@ class PictureFigure:
 
 @dataclass(frozen=True)
 class CurveFigure:
-    """A vector figure (SVG among the assets) with its caption."""
+    """A vector figure (SVG among the assets) with its caption, so many centimetres wide."""
 
     caption: str
     file: str
     alt: str
+    width: float = 17.0
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,40 @@ class SceneSection:
 
 
 @dataclass(frozen=True)
+class Listing:
+    """Lines of code or of a compiler's message under a label; marked as wrong or right."""
+
+    label: str
+    text: str
+    mark: Mark
+
+
+@dataclass(frozen=True)
+class ExhibitSection:
+    """All that the report says about one of the handout's errors."""
+
+    title: str
+    anchor: str
+    listings: tuple[Listing, ...]
+    effect: str
+    advice: str
+    pictures: PictureFigure | None
+    curves: CurveFigure | None
+    findings: Table
+
+
+@dataclass(frozen=True)
+class Exhibits:
+    """The handout's errors: what the chapter begins with, an overview, and one section an error."""
+
+    title: str
+    anchor: str
+    introduction: str
+    overview: Table
+    sections: tuple[ExhibitSection, ...]
+
+
+@dataclass(frozen=True)
 class Document:
     """The whole report. `assets` maps the file names used above to their bytes (PNG and SVG)."""
 
@@ -138,3 +173,4 @@ class Document:
     speed: Table | None
     provenance: tuple[Table, ...]
     assets: dict[str, bytes]
+    exhibits: Exhibits | None = None

@@ -14,6 +14,8 @@ from harness.report.content import (
     Cell,
     CurveFigure,
     Document,
+    Exhibits,
+    ExhibitSection,
     Picture,
     PictureFigure,
     Remark,
@@ -62,6 +64,9 @@ figcaption::before { font-weight: bold; counter-increment: figure; content: "Fig
 .bar { font-size: .75rem; font-weight: normal; margin-top: .35rem; } .rowhead .bar { width: 15rem; }
 .bar img { width: 100%; height: .5rem; display: block; }
 .bar div { display: flex; justify-content: space-between; }
+.listing { display: grid; grid-template-columns: 6.5rem 1fr; align-items: baseline; font-size: .85rem; }
+.listing pre { margin: .15rem 0; padding: .3rem .6rem; background: #f5f4f0; white-space: pre-wrap;
+  font: .82rem/1.45 "DejaVu Sans Mono", Menlo, Consolas, monospace; }
 .curves svg { width: 100%; height: auto; }
 dt { font-weight: bold; margin-top: .7rem; } dd { margin: 0; }
 @media (max-width: 50rem) { main { padding: 1.2rem; } }
@@ -76,6 +81,8 @@ def html_page(document: Document) -> str:
     """One HTML file that holds its images (PNG data) and figures (inline SVG) and needs nothing else."""
     assets = document.assets
     links = "".join(f'<a href="#{scene.anchor}">{escape(scene.name)}</a>' for scene in document.scenes)
+    if document.exhibits:
+        links += f'<a href="#{document.exhibits.anchor}">{escape(document.exhibits.title)}</a>'
     reading = "".join(f"<dt>{escape(term)}</dt><dd>{_text(text)}</dd>" for term, text in document.reading)
     parts = [
         f"<h1>{escape(document.title)}</h1>",
@@ -84,6 +91,7 @@ def html_page(document: Document) -> str:
         _remarks(document.summary), _table(document.verdicts),
         f'<h2 id="reading">How to read this</h2><dl>{reading}</dl>',
         *(_scene(scene, assets) for scene in document.scenes),
+        _exhibits(document.exhibits, assets) if document.exhibits else "",
         f"<h2>Speed</h2>{_table(document.speed)}" if document.speed else "",
         '<h2 id="provenance">Provenance</h2>', *(_table(table) for table in document.provenance)]
     return (f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -122,6 +130,22 @@ def _scene(scene: SceneSection, assets: dict[str, bytes]) -> str:
         _curves(scene.curves, assets, scene.anchor), _table(scene.accuracy), "<h3>The verdicts in words</h3>",
         _remarks(scene.reasons), _table(scene.cost) if scene.cost else "",
         _pictures(scene.differences, assets) if scene.differences else ""))
+
+
+def _exhibits(chapter: Exhibits, assets: dict[str, bytes]) -> str:
+    return "\n".join((f'<h2 id="{chapter.anchor}">{escape(chapter.title)}</h2>',
+                      f"<p>{_text(chapter.introduction)}</p>", _table(chapter.overview),
+                      *(_exhibit(section, assets) for section in chapter.sections)))
+
+
+def _exhibit(section: ExhibitSection, assets: dict[str, bytes]) -> str:
+    listings = "".join(f'<div class="listing"><span class="{item.mark}">{escape(item.label)}</span>'
+                       f"<pre>{escape(item.text)}</pre></div>" for item in section.listings)
+    return "\n".join((
+        f'<h3 id="{section.anchor}">{escape(section.title)}</h3>', listings, f"<p>{_text(section.effect)}</p>",
+        f"<p><b>Instead.</b> {_text(section.advice)}</p>",
+        _pictures(section.pictures, assets) if section.pictures else "",
+        _curves(section.curves, assets, section.anchor) if section.curves else "", _table(section.findings)))
 
 
 def _text(text: str) -> str:
@@ -214,4 +238,5 @@ def _curves(figure: CurveFigure, assets: dict[str, bytes], anchor: str) -> str:
     svg = re.sub(r'(url\(|xlink:href=")#', rf"\g<1>#{anchor}-", svg)
     svg = svg.replace(f"'{FONT}'", f"'{_FONT_NAME}'")
     svg = svg.replace("<svg", f'<svg role="img" aria-label="{escape(figure.alt)}"', 1)
-    return f'<figure class="curves">{svg}<figcaption>{_text(figure.caption)}</figcaption></figure>'
+    width = f' style="max-width: {100 * figure.width / 17:.0f}%"' if figure.width < 17 else ""
+    return f'<figure class="curves"{width}>{svg}<figcaption>{_text(figure.caption)}</figcaption></figure>'
