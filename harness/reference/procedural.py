@@ -2,8 +2,8 @@
 
 Parameters, as in a scene file: `color0`, `color1`, … (colours or numbers), `octaves`, `lacunarity`, `gain`,
 `frequency`, `distortion` (not of `fractal`), `seed`, `to_texture`; and `to_object`, from world to the shape's canonical
-object space, which `harness.reference.expand` gives to each shape's own copy of a texture. Where the shape moves it adds
-`moves`, and `harness.reference.motion` sets the parameter `to_rest`, from where the shape is to where it rests.
+object space, which `harness.reference.expand` gives to each shape's own copy of a texture. The copies of a moving shape
+also have `moves`, and `harness.reference.motion` sets their parameter `to_rest`, from where it is to where it rests.
 """
 
 from __future__ import annotations
