@@ -2,18 +2,18 @@
 
 Sample k of replica r sees the scene at the time `open + (close - open) tent(frac(φ(⌊k/4⌋) + s_r))`: φ is the radical
 inverse in base 2 (van der Corput 1935), s_r a uniform random shift of the replica's own (Cranley & Patterson 1976), and
-tent(u) = 1 - |2u - 1| (the baker's transformation, Hickernell 2002), which makes the last moment meet the first, so that
-the shift costs no accuracy at the ends. Four samples share a moment, since moving shapes takes as long as drawing as
-many.
+tent(u) = 1 - |2u - 1| (the baker's transformation, Hickernell 2002): the last moment meets the first, so that the shift
+costs no accuracy at the ends. Four samples share a moment, since moving shapes takes as long as drawing as many.
 
 - Unbiased: whatever k, the time is uniform over the interval, so a batch's expectation is the integral over time.
 - Replicas are independent: their shifts are, and their seeds.
 - A sample depends on its replica and number only, so prefixes of a run are runs.
 - 4 n samples from a multiple of 4 n, n a power of two, see one moment in each of n equal parts of the interval (as the
   tent folds it): the batches of the store from 8 samples on. What is left of the error in time differs from batch to
-  batch and so counts in the variance by batch means; all batches together interleave their moments, so in the mean it
-  mostly cancels. The variance by batch means therefore errs on the safe side. On a moving disk seen without any other
-  noise, MEASURED.
+  batch, and so counts in the variance by batch means; but all batches together interleave their moments, so that in
+  their mean most of it cancels. Batch means overstate it, which is the safe side. A disk that flies through the view,
+  free of all other noise, in 2048 samples: standard error of the image's mean 1.1e-4 of itself over replicas, 1.0e-3 by
+  batch means; of a pixel that is covered or not, 0.0010 and 0.0038, where 2048 independent times give 0.0062.
 """
 
 from __future__ import annotations
@@ -71,27 +71,28 @@ class MovingShapes:
     def __init__(self, mi: Any, mitsuba_scene: Any, scene: Scene) -> None:
         self._mi, self._mitsuba_scene = mi, mitsuba_scene
         found = {shape.id(): shape for shape in mitsuba_scene.shapes()}
-        self._shapes = [(scene.shapes[index], mi.traverse(found[moving_id(index)])) for index in moving(scene)]
-        self._at_rest = [{key: np.array(parameters[key], dtype=np.float64).reshape(-1, 3)
-                          for key in ("vertex_positions", "vertex_normals") if key in parameters}
-                         for _, parameters in self._shapes]
+        self._shapes = []
+        for index in moving(scene):
+            motion = scene.shapes[index].motion
+            assert motion is not None
+            parameters = mi.traverse(found[moving_id(index)])
+            self._shapes.append((screw(motion), parameters, _at_rest(parameters)))
 
     def move(self, time: float) -> None:
         """Put every moving shape where it is at `time`, with the textures that lie on it in object space."""
         import drjit as dr
 
-        for (shape, parameters), at_rest in zip(self._shapes, self._at_rest, strict=True):
-            assert shape.motion is not None
-            pose = screw(shape.motion).pose(time)
+        for steady, parameters, at_rest in self._shapes:
+            pose = steady.pose(time)
             to_rest = self._mi.AffineTransform4f(np.linalg.inv(pose))
             dr.make_opaque(to_rest)  # else each time would be a constant of another kernel
             for key in parameters.keys():
                 if key.endswith(".to_rest"):
                     parameters[key] = to_rest
-            if at_rest:
-                self._move_mesh(parameters, at_rest, pose)
+            if "to_world" in at_rest:
+                self._move_analytic(parameters, pose @ at_rest["to_world"])
             else:
-                self._move_analytic(parameters, pose @ shape.matrix)
+                self._move_mesh(parameters, at_rest, pose)
         self._mitsuba_scene.parameters_changed()  # builds the acceleration structure again
 
     def _move_mesh(self, parameters: Any, at_rest: dict[str, np.ndarray], pose: np.ndarray) -> None:
@@ -107,3 +108,12 @@ class MovingShapes:
         for _ in range(1 if np.linalg.det(to_world[:3, :3]) > 0 else 2):
             parameters["to_world"] = self._mi.AffineTransform4f(to_world)
             parameters.update()
+
+
+def _at_rest(parameters: Any) -> dict[str, np.ndarray]:
+    """A shape's place as Mitsuba holds it: `to_world`, (4, 4), or what it has of vertices and their normals, (N, 3)."""
+    if "to_world" in parameters:
+        # Not what the file says: of a disk, `flip_normals` is part of it.
+        return {"to_world": np.array(parameters["to_world"].matrix, dtype=np.float64).reshape(4, 4)}
+    return {key: np.array(parameters[key], dtype=np.float64).reshape(-1, 3)
+            for key in ("vertex_positions", "vertex_normals") if key in parameters}

@@ -123,5 +123,5 @@ def test_what_is_no_motion_is_refused(write: Any, inner: str, message: str) -> N
                                   '<bsdf type="diffuse"><transform name="motion"/></bsdf>'])
 def test_a_motion_elsewhere_is_refused(write: Any, body: str) -> None:
     """It is a transform, of a shape."""
-    with pytest.raises(SceneError, match="'motion' must be a <transform>|property 'motion' of bsdf"):
+    with pytest.raises(SceneError, match=r"'motion' must be a <transform>|property 'motion' of bsdf"):
         load_scene(write(body))

@@ -73,7 +73,7 @@ def test_rays_meet_moving_shapes_where_they_are(scene: Any, motions: list[str], 
     grazing = np.abs((expected[hit, :3] * d[hit]).sum(axis=1))
     assert np.quantile(np.abs(found[hit, 3] - expected[hit, 3]) * grazing, 0.999) < 5e-6
     assert np.quantile(np.abs(found[hit, :3] - expected[hit, :3]).max(axis=1), 0.99) < 2e-5
-    np.testing.assert_allclose(np.linalg.norm(found[hit, :3], axis=1), 1, atol=1e-5)  # of a sphere of 0.5, six units off
+    np.testing.assert_allclose(np.linalg.norm(found[hit, :3], axis=1), 1, atol=1e-5)  # of small shapes, six units off
 
 
 def test_times_are_uniform_over_the_shutters_interval(scene: Any) -> None:
