@@ -19,6 +19,9 @@ MAX_TEXELS = 2**25
 # Mitsuba repeats the last row of a lower environment map until it has so many.
 MIN_ENVIRONMENT_ROWS = 3
 
+# Ratio of a plane transform's two scales below which float32 no longer tells it from a flattening one.
+FLATTEST = 1e-6
+
 FILTER_TYPES = ("bilinear", "nearest")
 WRAP_MODES = ("repeat", "mirror", "clamp")
 
@@ -46,8 +49,10 @@ def load_bitmap(node: Node) -> Bitmap:
 def load_to_uv(node: Node) -> Matrix3:
     """The plane's part of a texture's `to_uv`: what Mitsuba takes of a 4x4 transform, without z."""
     matrix = node.transform("to_uv")[np.ix_([0, 1, 3], [0, 1, 3])]
-    if abs(np.linalg.det(matrix)) <= 1e-9 * np.prod(np.linalg.norm(matrix[:2, :2], axis=0)):
-        raise node.error("'to_uv' is degenerate (it flattens the plane of u and v); only rotations about z keep it")
+    longest, shortest = np.linalg.svd(matrix[:2, :2], compute_uv=False)
+    if shortest <= FLATTEST * longest:
+        raise node.error("'to_uv' is degenerate (it flattens the plane of u and v); rotate about z, and scale by "
+                         "factors other than 0")
     a, b, c = (tuple(float(value) for value in row) for row in matrix)
     return (a, b, c)  # type: ignore[return-value]  # each row has three entries by construction
 

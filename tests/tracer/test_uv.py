@@ -46,7 +46,7 @@ def random_matrix(rng: np.random.Generator, kind: str) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", ["sphere", "rectangle", "disk", "cube", "cylinder"])
 def test_surface_coordinates_are_mitsubas(mi: Any, scene: Any, kind: str, seed: int) -> None:
-    """Five shapes of a kind, mirrored and flipped among them; without hits near a seam or the axis, where both round."""
+    """Five shapes, mirrored and flipped among them; hits near a seam or the axis, where both round, excepted."""
     rng = np.random.default_rng([seed, *map(ord, kind)])
     matrices = [random_matrix(rng, kind) for _ in range(5)]
     body = "\n".join(shape_xml(kind, f"shape{i}", m, bool(i % 2)) for i, m in enumerate(matrices))
