@@ -1,0 +1,82 @@
+"""`harness mutants`: do the gates catch seeded bugs?"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from harness.cli.options import MUTANTS_FILE, CacheOption, open_store
+from harness.cli.output import JsonOption, print_json, print_rich, progress
+
+if TYPE_CHECKING:
+    from harness.mutants.runner import KillMatrix
+
+# Shown for each state of a cell.
+SYMBOLS = {"killed": "X", "survived": "o", "untouched": "·", "not run": " "}
+
+
+def mutants(
+    only: Annotated[list[str] | None, typer.Argument(metavar="[ID|TOPIC]...", help="Mutants, or topics such as "
+                    "sampling; all if none is given.", show_default=False)] = None,
+    gates: Annotated[Path, typer.Option("--gates", help="The gates file to judge.")] = Path("tests/gates.toml"),
+    tests: Annotated[Path, typer.Option("--tests", help="Folder of the harness's tests.")] = Path("tests"),
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=64, help="Processes; one a core if not given.")]
+    = os.cpu_count() or 1,
+    output: Annotated[Path, typer.Option("--output", "-o", help="JSON file to keep the matrix in, for the report.")]
+    = Path("reports/out") / MUTANTS_FILE,
+    cache: CacheOption = True,
+    json: JsonOption = False,
+) -> int:
+    """Seed one-line bugs into the shader and show which gates notice them.
+
+    Prints the kill matrix: X killed, o survived, · the gate's pixels do not change, blank not run. Exit status 1 when
+    a mutant survives all gates; 2 when one does not apply or does not compile.
+
+    Example: `harness mutants sampling phong`
+    """
+    from harness.files import require_writable
+    from harness.mutants.catalogue import choose, load_catalogue
+    from harness.mutants.runner import Gates, run_mutants, save
+
+    catalogue = load_catalogue()
+    chosen = choose(catalogue, only or [])
+    family = Gates.of(gates, tests)
+    require_writable(output)
+    store = open_store(cache)
+    matrix = run_mutants(chosen, family, catalogue=catalogue, jobs=min(jobs, len(chosen)),
+                         store=store.root if store else None, progress=progress)
+    if not only:  # of some mutants alone the report would say that the others survived
+        save(matrix, output)
+    if json:
+        from harness.mutants.runner import as_json
+
+        print_json(as_json(matrix))
+    else:
+        _print(matrix)
+    return 1 if matrix.survivors else 0
+
+
+def _print(matrix: KillMatrix) -> None:
+    from rich.table import Table
+
+    run = [number for number in range(len(matrix.gates)) if any(row[number] != "not run" for row in matrix.cells)]
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("mutant")
+    for number in run:
+        table.add_column(str(number + 1), justify="right")
+    for mutant, row in zip(matrix.mutants, matrix.cells, strict=True):
+        table.add_row(mutant.id, *(SYMBOLS[row[number]] for number in run))
+    print_rich(table)
+    for number in run:
+        kills = sum(row[number] == "killed" for row in matrix.cells)
+        print(f"{number + 1:3d}  {matrix.gates[number]}: {kills} killed")
+    for mutant in matrix.missed:
+        print(f"{mutant.id}: not killed by {mutant.killer}, which the catalogue expects, but by another gate")
+    for mutant in matrix.survivors:
+        print(f"SURVIVES: {mutant.id} ({mutant.where}): {mutant.imitates}")
+    if matrix.idle:
+        print(f"gates that killed nothing: {', '.join(matrix.idle)}")
+    print(f"{len(matrix.mutants) - len(matrix.survivors)} of {len(matrix.mutants)} mutants killed")
