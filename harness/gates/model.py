@@ -14,8 +14,8 @@ from harness.stats.verdicts import BiasVerdict, TileVerdict, Tolerance
 
 # Looks are at 1/4, 1/2 and all of the budget: an easy gate is spared three quarters of it.
 LOOK_SHARES = (4, 2, 1)
-# Fewer at the first look do not tell their own variance; with eight Student's t is within 20 % of the normal deviate.
-MIN_FIRST_LOOK = 8
+# Replicas at the first look: from fewer, skewness is guesswork and intervals are half as wide again (stats.tiles).
+MIN_FIRST_LOOK = 16
 MIN_REPLICAS = MIN_FIRST_LOOK * LOOK_SHARES[0]
 # A look at the first replicas of a shared reference must find each by itself (stats.tiles.MAX_BATCHES).
 MAX_REPLICAS = 256

@@ -28,7 +28,7 @@ from harness.stats.verdicts import Tolerance
 from harness.tracer.codegen import STRATEGIES
 
 # What a gate has that neither it nor the file's [defaults] mention.
-DEFAULTS: dict[str, Any] = {"spp": 64, "replicas": 32, "reference": {"spp": 32}, "confidence": 0.95, "not_finite": 0.0}
+DEFAULTS: dict[str, Any] = {"spp": 32, "replicas": 64, "reference": {"spp": 32}, "confidence": 0.95, "not_finite": 0.0}
 # The whole file raises a false alarm with at most this probability, unless its [suite] says otherwise.
 FALSE_ALARMS = 0.01
 MAX_SPP = 1 << 16  # of one replica
