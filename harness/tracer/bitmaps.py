@@ -17,7 +17,6 @@ Placed = TypeVar("Placed", Bitmap, Checkerboard)
 
 # GL's names of Mitsuba's filters.
 FILTERS = {"bilinear": "linear", "nearest": "nearest"}
-IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def images(shapes: Sequence[Shape]) -> list[Bitmap]:
@@ -112,8 +111,7 @@ def _block(placement: Mapping[int, Matrix3], lookup: str, settings: Sequence[str
 def _transformed(matrix: Matrix3) -> str:
     """uv under `to_uv`."""
     (a, b, x), (c, d, y), _ = matrix
-    if matrix == IDENTITY:
-        return "uv"
-    if b == c == 0:
-        return f"uv * {vector((a, d))} + {vector((x, y))}"
-    return f"uv.x * {vector((a, c))} + uv.y * {vector((b, d))} + {vector((x, y))}"
+    moved = f" + {vector((x, y))}" if x or y else ""
+    if b or c:
+        return f"uv.x * {vector((a, c))} + uv.y * {vector((b, d))}{moved}"
+    return ("uv" if a == d == 1 else f"uv * {vector((a, d))}") + moved
