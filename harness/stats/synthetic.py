@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,8 +15,8 @@ from harness.stats.tiles import TileSamples, tile_size
 RARITY, BRIGHTNESS = 1e-4, 1000.0
 # Standard deviation of the logarithm of a lognormal sample; its relative standard deviation is 7.3.
 LOGNORMAL_SIGMA = 2.0
-# Sums of lognormal samples are drawn from a list of so many, whose mean is known exactly.
-LIST = 1 << 16
+# Length of the list that sums of lognormal samples are drawn from.
+LIST = 1 << 18
 
 # Relative noise with mean zero, for B batches of n samples a tile: (rng, n, (B, rows, columns)) -> the same, and (4,).
 Noise = Callable[[np.random.Generator, int, tuple[int, int, int]], np.ndarray]
@@ -55,12 +56,17 @@ def fireflies(rng: np.random.Generator, n: int, shape: tuple[int, int, int]) -> 
 
 
 def lognormal(rng: np.random.Generator, n: int, shape: tuple[int, int, int]) -> np.ndarray:
-    """White lognormal samples. Sums are drawn with replacement from a list of `LIST` of them."""
-    sums = np.zeros(LIST)
+    """White lognormal samples; sums of them are drawn with replacement from one list, whose mean is known exactly."""
+    return np.repeat(rng.choice(_lognormal_means(n), shape)[..., None], 4, axis=-1)
+
+
+@functools.lru_cache(maxsize=4)
+def _lognormal_means(n: int) -> np.ndarray:
+    """`LIST` means of n lognormal samples each, relative to the mean of all, less one."""
+    rng, sums = np.random.default_rng(n), np.zeros(LIST)
     for _ in range(n):
         sums += np.exp(LOGNORMAL_SIGMA * rng.standard_normal(LIST))
-    listed = sums / sums.mean() - 1
-    return np.repeat(rng.choice(listed, shape)[..., None], 4, axis=-1)
+    return sums / sums.mean() - 1
 
 
 NOISES: dict[str, Noise] = {"normal": normal, "lognormal": lognormal, "fireflies": fireflies}

@@ -26,6 +26,8 @@ from harness.stats.tiles import COARSER, TileMoments, TileSamples
 DARK_TILE = 0.01
 # Bright samples that a neighbourhood should expect: then e^-16 of them have seen none.
 BRIGHT_SAMPLES = 16
+# Neighbours lend each other the variance of a tile up to so many times as bright.
+BRIGHTER = 2.0
 # How many tests a `BiasVerdict` consists of: the image, larger tiles, smaller tiles.
 TESTS = 3
 
@@ -188,33 +190,34 @@ def _borrowed(moments: TileMoments, scale: np.ndarray) -> np.ndarray:
     """Variances no smaller than the mean of those around; (rows, columns, C).
 
     A tile in which the rare bright sample has not come yet has a mean that is too low and a variance that knows
-    nothing of it. Its neighbours see the same light and know. Without this, tiles that expect 1.6 bright samples each
-    raise an alarm in every one of 1000 null comparisons against a smooth estimator; with it in less than 1 of 100.
-    (No method helps where the bright samples fall on a single tile that has seen none.) The neighbourhood is 3 x 3
-    tiles, or as many as it takes to hold `BRIGHT_SAMPLES`: were all variance from bright samples, a tile's mean with
-    skewness g would come from 1/g² of them. The mean is taken of the variance of one pixel, absolute and relative to
-    `scale`, and the lesser counts, lest a tile that is much brighter than the others, or darker, blind its neighbours.
+    nothing of it. Its neighbours see the same light and know. Asked for 5 % at the most, the smaller tiles of
+    `spheres` at 128 samples per pixel, uniform sampling against the mixture, alarm on 60 of 100 null comparisons
+    without this and on none with it. (No method helps where bright samples fall on one tile alone that has seen none.)
+    Two neighbourhoods count, 3 x 3 tiles and one that holds `BRIGHT_SAMPLES`: were all variance from bright samples, a
+    tile's mean with skewness g would come from 1/g² of them. Averaged is the variance of one pixel; a neighbour more
+    than `BRIGHTER` times as bright counts as if it were that, lest a lamp blind the tiles beside it.
     """
     if moments.variance.shape[:2] == (1, 1):
         return moments.variance
-    single, third = moments.variance * moments.pixels / scale**2, moments.third * moments.pixels**2 / scale**3
-    mean, skew = single.mean((0, 1)), np.abs(third.mean((0, 1)))
+    single = moments.variance * moments.pixels
+    third = np.abs((moments.third * moments.pixels**2 / scale**3).mean((0, 1)))
+    mean = (single / scale**2).mean((0, 1))
     known = np.isfinite(mean) & (mean > 0)
-    skewness = np.divide(skew, mean**1.5, out=np.zeros_like(mean), where=known) / np.sqrt(moments.pixels.max())
+    skewness = np.divide(third, mean**1.5, out=np.zeros_like(mean), where=known) / np.sqrt(moments.pixels.max())
     radius = max(1, math.ceil((math.sqrt(BRIGHT_SAMPLES) * float(skewness.max()) - 1) / 2))
-    around = np.minimum(_around(single * scale**2, radius), _around(single, radius) * scale**2)
-    return np.maximum(moments.variance, around / moments.pixels)
+    floor = np.maximum(_around(single, scale, 1), _around(single, scale, radius) if radius > 1 else 0.0)
+    return np.maximum(moments.variance, floor / moments.pixels)
 
 
-def _around(values: np.ndarray, radius: int) -> np.ndarray:
-    """Means over windows of 2 `radius` + 1 tiles a side, which are shifted inwards at the edges; (rows, columns, C)."""
-    for axis in (0, 1):
-        length = values.shape[axis]
-        width = min(2 * radius + 1, length)
-        first = np.clip(np.arange(length) - radius, 0, length - width)
-        sums = np.concatenate([np.zeros_like(values.take([0], axis)), values.cumsum(axis)], axis)
-        values = (sums.take(first + width, axis) - sums.take(first, axis)) / width
-    return values
+def _around(single: np.ndarray, scale: np.ndarray, radius: int) -> np.ndarray:
+    """Means over windows of 2 `radius` + 1 tiles a side, which are shifted inwards at the edges; see `_borrowed`."""
+    sides = [min(2 * radius + 1, length) for length in single.shape[:2]]
+    rows, columns = (np.clip(np.arange(length) - radius, 0, length - side)
+                     for length, side in zip(single.shape, sides, strict=False))
+    absolute, relative = (np.lib.stride_tricks.sliding_window_view(values, sides, axis=(0, 1))[np.ix_(rows, columns)]
+                          for values in (single, single / scale**2))
+    bound = (BRIGHTER * scale[..., None, None])**2 * relative
+    return np.minimum(absolute, bound).mean(axis=(-2, -1))
 
 
 def _interval(pair: _Pair, error: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:
