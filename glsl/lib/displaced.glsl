@@ -15,18 +15,13 @@
 // proves the stretch behind it free by a parabola of its own, or else it goes back: Keinert et al. 2014, "Enhanced
 // Sphere Tracing", section 3.1, with parabolas for spheres. That saves another 40 % of the steps.
 //
-// The scene's generated code defines displaced_sphere, relief and nearest_shell (harness/tracer/displaced.py); how the
-// bounds are found stands in harness/scene/displaced.py.
+// The scene's generated code defines DISPLACED_SPHERES, their number, MAX_MARCH_STEPS, and the functions declared below
+// (harness/tracer/displaced.py); how the bounds are found stands in harness/scene/displaced.py.
 #ifndef LIB_DISPLACED
 #define LIB_DISPLACED
 
 #include "lib/shapes.glsl"
 
-// Steps of one ray through all displaced spheres; of 10⁶ rays, none needed more than 110. Also the host's share of this
-// loop in what the driver allows (MARCH_STEPS in harness/tracer/displaced.py).
-#ifndef MAX_MARCH_STEPS
-#define MAX_MARCH_STEPS 128
-#endif
 // Height above the surface, in radii, that counts as met: some twenty times the rounding errors of f. It grows from step
 // to step, so that a ray that creeps along the surface comes to an end: after 60 steps to 4e-5, after 128 to 1e-3.
 const float MARCH_TOLERANCE = 2e-6;
@@ -57,8 +52,10 @@ struct Relief {
 DisplacedSphere displaced_sphere(int id);
 Relief relief(int id, vec3 direction);
 int nearest_shell(vec3 o, vec3 d, float reach, inout uint left);
+void carry_ray(int id, inout vec3 o, inout vec3 d);
+float intersect_shapes(vec3 o, vec3 d, float reach, out int id);
 
-// The outward unit normal at the last hit that hit_displaced returned.
+// The outward unit normal at the last hit on a displaced sphere, of the sphere at rest.
 vec3 displaced_normal;
 
 // Distance to where the ray enters the ball around a displaced sphere: 0 from inside, NO_HIT where it passes by.
@@ -72,33 +69,58 @@ float enter_shell(vec3 o, vec3 d, vec3 center, float radius)
     return discriminant > 0.0 && along + half_chord > 0.0 ? max(along - half_chord, 0.0) : NO_HIT;
 }
 
-// A ray seen from one displaced sphere: lengths in its radius, x counted from the point nearest to its centre.
-struct Approach {
+// A ray on its way through the displaced spheres. Of the sphere that it passes: lengths are in its radius, and x counts
+// from the foot, the point of the ray that is nearest to its centre.
+struct March {
+    float t;             // distance to the nearest hit so far, in the scene's units, and the shape that it is on
+    int id;
+    uint left;           // bits of the spheres still to be passed
+    int current;         // the sphere that is being passed, -1 between two
+    int steps;
     DisplacedSphere sphere;
     vec3 foot;
     float b;             // |foot|
     float along;         // distance from the ray's origin to the foot, in the scene's units
-    float x, end;        // where the ray enters the shell, or starts in it, and where it leaves it
+    float x, end;        // where the ray is, and where it leaves the shell
+    float proven;        // up to here there is no root; x lies there or ahead
+    float per_lowest;    // 1 / the lowest ρ ahead of the last point from which `proven` moved
     float inner;         // half the chord through the ball that lies inside the surface everywhere
-    float side;          // 1 where it comes from outside, -1 from the ball inside, 0 where it starts in the shell
+    float side;          // 1 outside the surface, -1 inside, 0 before that is known
+    bool relaxed;        // whether the next step may go farther than the parabola reaches
+    float tolerance;
 };
 
-Approach approach(int id, vec3 o, vec3 d)
+March march;
+
+// Starts a ray that meets shape `id` at t, or nothing within t where `id` is -1.
+void begin_march(float t, int id)
 {
-    Approach a;
-    a.sphere = displaced_sphere(id);
-    vec3 to_center = a.sphere.center - o;
-    a.along = dot(to_center, d);
-    float per_radius = 1.0 / a.sphere.radius;
-    a.foot = (a.along * d - to_center) * per_radius;
-    float b2 = dot(a.foot, a.foot);
-    a.b = sqrt(b2);
-    a.end = sqrt(max(a.sphere.highest * a.sphere.highest - b2, 0.0));
-    a.inner = sqrt(max(a.sphere.lowest * a.sphere.lowest - b2, 0.0));
-    float start = -a.along * per_radius;
-    a.side = start <= -a.end ? 1.0 : abs(start) < a.inner ? -1.0 : 0.0;
-    a.x = a.side > 0.0 ? -a.end : a.side < 0.0 ? a.inner : start;
-    return a;
+    march.t = t;
+    march.id = id;
+    march.left = (1u << DISPLACED_SPHERES) - 1u;
+    march.current = -1;
+    march.steps = 0;
+}
+
+// Turns to the sphere `march.current`; the ray is that in its rest frame.
+void approach(vec3 o, vec3 d)
+{
+    march.sphere = displaced_sphere(march.current);
+    vec3 to_center = march.sphere.center - o;
+    march.along = dot(to_center, d);
+    float per_radius = 1.0 / march.sphere.radius;
+    march.foot = (march.along * d - to_center) * per_radius;
+    float b2 = dot(march.foot, march.foot);
+    march.b = sqrt(b2);
+    march.end = sqrt(max(march.sphere.highest * march.sphere.highest - b2, 0.0));
+    march.inner = sqrt(max(march.sphere.lowest * march.sphere.lowest - b2, 0.0));
+    float start = -march.along * per_radius;
+    march.side = start <= -march.end ? 1.0 : abs(start) < march.inner ? -1.0 : 0.0;
+    march.x = march.side > 0.0 ? -march.end : march.side < 0.0 ? march.inner : start;
+    march.proven = march.x;
+    march.per_lowest = 1.0;
+    march.relaxed = true;
+    march.tolerance = MARCH_TOLERANCE;
 }
 
 // How far from a point with |f| = height and its derivative `rise` in a direction the ray is certain to meet nothing.
@@ -108,89 +130,101 @@ float parabola_reach(float height, float rise, float bend)
     return rise < 0.0 ? 2.0 * height / (root - rise) : (rise + root) / bend;  // neither form cancels
 }
 
-// The distance to the nearest hit within `reach` with the displaced spheres whose bits are in `left`, or `reach`; `id`
-// is the shape that it is on.
-float hit_displaced(vec3 o, vec3 d, uint left, float reach, out int id)
+// The bound on |f''| where the angle turns by at most `turn` in a unit of x; not 0, since it divides.
+float march_bend(float bend, float turn, float per_lowest)
 {
-    float t = reach;
-    id = -1;
-    int current = nearest_shell(o, d, t, left);
-    Approach a = approach(current, o, d);
-    float x = a.x;
-    float proven = x;            // up to here there is no root
-    float per_lowest = 1.0;      // 1 / the lowest ρ ahead of the last point from which `proven` moved
-    float side = a.side;         // 1 outside the surface, -1 inside, 0 before that is known
-    bool relaxed = true;
-    float tolerance = MARCH_TOLERANCE;
-    for (int i = 0; i < MAX_MARCH_STEPS && current >= 0; ++i) {
-        float rho2 = a.b * a.b + x * x;
-        float per_rho = inversesqrt(rho2);
-        float rho = rho2 * per_rho;
-        float cosine = x * per_rho;
-        vec3 e = (a.foot + x * d) * per_rho;
-        Relief here = relief(current, e);
-        float f = rho - here.r;
-        float t_slope = (dot(here.gradient, d) - dot(here.gradient, e) * cosine) * per_rho;
-        if (side == 0.0) {
-            // On the surface itself, the side that the ray goes to.
-            float way = abs(f) < MARCH_TOLERANCE ? cosine - here.slope * t_slope : f;
-            side = way < 0.0 ? -1.0 : 1.0;
-        }
-        f *= side;
-        // The slope of the ramp may change: ahead and behind, the one that leads soonest to the surface.
-        float least = side * here.least * t_slope;
-        float greatest = side * here.greatest * t_slope;
-        float bend = a.sphere.bend + 2.0 * a.sphere.axis_bend / here.axis;  // up to half way to the axis
+    return (bend * turn + (2.0 * march.sphere.slope + march.b) * per_lowest) * turn + 1e-6;
+}
 
-        float turn = a.b * per_lowest * per_lowest;  // of φ in a unit of x, at most
-        float f2 = (bend * turn + (2.0 * a.sphere.slope + a.b) * per_lowest) * turn + 1e-6;
-        float behind = min(parabola_reach(f, min(least, greatest) - side * cosine, f2), 0.5 * here.axis / turn);
-        bool overshot = x > proven && (f < 0.0 || behind < x - proven);
-
-        bool met = false;
-        if (overshot) {
-            x = proven;
-        } else {
-            float f1 = side * cosine - max(least, greatest);
-            per_lowest = 1.0 / (x > 0.0 ? rho : max(a.b, a.sphere.lowest));
-            turn = a.b * per_lowest * per_lowest;
-            f2 = (bend * turn + (2.0 * a.sphere.slope + a.b) * per_lowest) * turn + 1e-6;
-            float ahead = min(parabola_reach(f, f1, f2), 0.5 * here.axis / turn);
-            // By the slope alone, which needs no bend: outside, x/ρ only grows.
-            float descent = a.sphere.slope * turn - (side > 0.0 ? cosine : -1.0);
-            ahead = max(max(ahead, descent > 0.0 ? f / descent : NO_HIT), SMALLEST_STEP);
-            met = f1 < 0.0 && f < tolerance || i == MAX_MARCH_STEPS - 1;
-            if (met) {
-                t = a.along + x * a.sphere.radius;
-                id = current;
-                vec3 gradient = here.slope * here.gradient;
-                displaced_normal = normalize(e - (gradient - dot(gradient, e) * e) * per_rho);
-            }
-            float farther = relaxed ? MARCH_RELAXATION * ahead : ahead;
-            if (f1 < 0.0)
-                farther = max(ahead, min(farther, -MARCH_TANGENT * f / f1));
-            // The ball within the surface holds no root, but smaller ρ than the bounds know of.
-            bool before_ball = a.inner > 0.0 && x <= -a.inner;
-            proven = x + ahead;
-            x = min(x + farther, before_ball ? -a.inner : a.end);
-            if (before_ball && proven > -a.inner)
-                x = proven = a.inner;
-        }
-        relaxed = !overshot;
-        tolerance *= MARCH_TOLERANCE_GROWTH;
-        if (met || proven >= a.end || a.along + proven * a.sphere.radius >= t) {
-#if DISPLACED_SPHERES > 1
-            current = nearest_shell(o, d, t, left);
-            a = approach(current, o, d);
-            x = proven = a.x;
-            side = a.side;
-            tolerance = MARCH_TOLERANCE;
-#else
-            break;
-#endif
-        }
+// One step of the ray within the shell of `march.current`.
+void step_march(vec3 d)
+{
+    float rho2 = march.b * march.b + march.x * march.x;
+    float per_rho = inversesqrt(rho2);
+    float rho = rho2 * per_rho;
+    float cosine = march.x * per_rho;
+    vec3 e = (march.foot + march.x * d) * per_rho;
+    Relief here = relief(march.current, e);
+    float f = rho - here.r;
+    float t_slope = (dot(here.gradient, d) - dot(here.gradient, e) * cosine) * per_rho;
+    if (march.side == 0.0) {
+        // On the surface itself, the side that the ray goes to.
+        float way = abs(f) < MARCH_TOLERANCE ? cosine - here.slope * t_slope : f;
+        march.side = way < 0.0 ? -1.0 : 1.0;
     }
-    return t;
+    float side = march.side;
+    f *= side;
+    // The slope of the ramp may change: ahead and behind, the one that leads soonest to the surface.
+    float least = side * here.least * t_slope;
+    float greatest = side * here.greatest * t_slope;
+    float bend = march.sphere.bend + 2.0 * march.sphere.axis_bend / here.axis;  // up to half way to the axis
+
+    float turn = march.b * march.per_lowest * march.per_lowest;
+    float behind = parabola_reach(f, min(least, greatest) - side * cosine, march_bend(bend, turn, march.per_lowest));
+    float unproven = march.x - march.proven;
+    bool overshot = unproven > 0.0 && (f < 0.0 || min(behind, 0.5 * here.axis / turn) < unproven);
+    float relaxation = march.relaxed ? MARCH_RELAXATION : 1.0;
+    ++march.steps;
+    march.relaxed = !overshot;
+    march.tolerance *= MARCH_TOLERANCE_GROWTH;
+    if (overshot) {
+        march.x = march.proven;
+        return;
+    }
+
+    float f1 = side * cosine - max(least, greatest);
+    march.per_lowest = 1.0 / (march.x > 0.0 ? rho : max(march.b, march.sphere.lowest));
+    turn = march.b * march.per_lowest * march.per_lowest;
+    float ahead = min(parabola_reach(f, f1, march_bend(bend, turn, march.per_lowest)), 0.5 * here.axis / turn);
+    // By the slope alone, which needs no bend: outside, x/ρ only grows.
+    float descent = march.sphere.slope * turn - (side > 0.0 ? cosine : -1.0);
+    ahead = max(max(ahead, descent > 0.0 ? f / descent : NO_HIT), SMALLEST_STEP);
+    bool exhausted = march.steps >= MAX_MARCH_STEPS - 1;
+    bool met = f1 < 0.0 && f < march.tolerance || exhausted;
+    if (met) {
+        march.t = march.along + march.x * march.sphere.radius;
+        march.id = march.current;
+        vec3 gradient = here.slope * here.gradient;
+        displaced_normal = normalize(e - (gradient - dot(gradient, e) * e) * per_rho);
+    }
+    float farther = relaxation * ahead;
+    if (f1 < 0.0)
+        farther = max(ahead, min(farther, -MARCH_TANGENT * f / f1));
+    // The ball within the surface holds no root, but smaller ρ than the bounds know of.
+    bool before_ball = march.inner > 0.0 && march.x <= -march.inner;
+    march.proven = march.x + ahead;
+    march.x = min(march.x + farther, before_ball ? -march.inner : march.end);
+    if (before_ball && march.proven > -march.inner)
+        march.x = march.proven = march.inner;
+    if (met || march.proven >= march.end || march.along + march.proven * march.sphere.radius >= march.t)
+        march.current = -1;
+    if (exhausted)
+        march.left = 0u;
+}
+
+// Goes on with the ray that begin_march started, by one step at most; whether there is more of its way.
+bool march_on(vec3 o, vec3 d)
+{
+    bool fresh = march.current < 0;
+    if (fresh)
+        march.current = nearest_shell(o, d, march.t, march.left);
+    carry_ray(march.current, o, d);
+    if (fresh)
+        approach(o, d);
+    if (march.current >= 0)
+        step_march(d);
+    return march.current >= 0 || march.left != 0u;
+}
+
+// The distance to the nearest hit within `reach`, and the shape that it is on; -1 where there is none.
+float intersect_scene(vec3 o, vec3 d, float reach, out int id)
+{
+    float t = intersect_shapes(o, d, reach, id);
+    begin_march(t, id);
+    for (int i = 0; i <= MAX_MARCH_STEPS && march_on(o, d); ++i)
+        ;
+    id = march.id;
+    return march.t;
 }
 
 #endif

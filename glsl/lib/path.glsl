@@ -23,12 +23,20 @@ bool is_finite(vec3 v)
     return all(notEqual(floatBitsToUint(v) & 0x7f800000u, uvec3(0x7f800000u)));
 }
 
+// Iterations that one path takes at most: see trace_samples.
+#if HAS_DISPLACED
+#define PATH_ITERATIONS (MAX_DEPTH * (1 + MAX_MARCH_STEPS))
+#else
+#define PATH_ITERATIONS MAX_DEPTH
+#endif
+
 // Adds samples first … first+samples-1 of one pixel to `sum`: rgb is the sum of radiance, alpha the number of samples
 // in it. A sample that is not finite is left out of both, so alpha tells how many there were. Adding to the sum so
 // far, one sample after another, gives the same bits however the samples are divided into passes.
 //
 // One flat loop: a lane whose path ends starts its next sample at once, so lanes that run in lockstep do not wait
-// for the longest path of each sample. MAX_DEPTH vertices at most per path bound the loop.
+// for the longest path of each sample. MAX_DEPTH vertices at most per path bound the loop; where spheres are displaced,
+// each iteration takes a ray one step farther, so that lanes do not wait for the longest march either.
 vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, int samples)
 {
     uvec2 stream = pixel_stream(pixel, replica);
@@ -37,7 +45,10 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
     float reach;
     int vertex = 0;      // of the current path; 0 means that a new one is due
     int finished = 0;
-    for (int i = 0; i < samples * MAX_DEPTH; ++i) {
+#if HAS_DISPLACED
+    bool marching = false;  // the current ray's march is not at its end
+#endif
+    for (int i = 0; i < samples * PATH_ITERATIONS; ++i) {
         if (vertex == 0) {
             seed_sample(stream, first + uint(finished));
 #if HAS_LENS
@@ -51,10 +62,24 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
             radiance = vec3(0.0);
             throughput = vec3(1.0);
         }
+#if HAS_DISPLACED
+        if (!marching) {
+            ++vertex;
+            int met;
+            float nearest = intersect_shapes(o, d, reach, met);
+            begin_march(nearest, met);
+        }
+        marching = march_on(o, d);
+        if (marching)
+            continue;
+        float t = march.t;
+        int id = march.id;
+#else
         ++vertex;
 
         int id;
         float t = intersect_scene(o, d, reach, id);
+#endif
         bool alive = false;
         if (id < 0) {
             radiance += throughput * environment(d);

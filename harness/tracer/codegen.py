@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from harness.scene.model import Scene
 from harness.scene.motion import settled
-from harness.tracer.displaced import march_declarations
+from harness.tracer.displaced import displaced, march_declarations
 from harness.tracer.environment import environment_function
 from harness.tracer.geometry import intersect_function, normal_function
 from harness.tracer.literals import in_comment, number, vector
@@ -27,7 +27,7 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
     shapes = scene.shapes
     motions = Motions.of(scene)
     has = {**switches(shapes), "HAS_LENS": int(scene.camera.aperture_radius > 0),
-           "HAS_MOTION": int(bool(motions.shapes))}
+           "HAS_MOTION": int(bool(motions.shapes)), "HAS_DISPLACED": int(bool(displaced(shapes)))}
     defines = {"STRATEGY": f"STRATEGY_{strategy.upper()}", "MAX_DEPTH": scene.max_depth, **has}
     parts = [
         f"// Generated from the scene '{in_comment(scene.name)}' for the strategy '{strategy}'.",
@@ -37,8 +37,8 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
         "",
         *_camera(scene),
         *declarations(shapes),
-        *march_declarations(shapes),
         *motions.declarations(),
+        *march_declarations(shapes, motions),
         *intersect_function(shapes, motions),
         *normal_function(shapes),
         *uv_function(shapes, uv_users(shapes)),

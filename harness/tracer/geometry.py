@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.scene.model import Shape, ShapeKind
-from harness.tracer.displaced import march_normal, march_statements
+from harness.tracer.displaced import displaced, march_normal
 from harness.tracer.literals import function, in_comment, number, rows, vector
 from harness.tracer.motion import Motions
 
@@ -19,9 +19,14 @@ def geometric_normal(shape: Shape) -> np.ndarray:
 
 
 def intersect_function(shapes: Sequence[Shape], motions: Motions) -> list[str]:
-    """`intersect_scene`: the distance to the nearest hit within `reach`, and the shape that it is on."""
+    """`intersect_scene`: the distance to the nearest hit within `reach`, and the shape that it is on.
+
+    Where spheres are displaced, lib/displaced.glsl has that function, and this one, of the other shapes, is
+    `intersect_shapes`.
+    """
+    name = "intersect_shapes" if displaced(shapes) else "intersect_scene"
     lines = [
-        "float intersect_scene(vec3 o, vec3 d, float reach, out int id)",
+        f"float {name}(vec3 o, vec3 d, float reach, out int id)",
         "{",
         "    float t = reach;",
         "    float s;",
@@ -34,8 +39,6 @@ def intersect_function(shapes: Sequence[Shape], motions: Motions) -> list[str]:
         note = f"  // {in_comment(shape.name)}" if shape.name else ""
         lines.append(f"    s = hit_{shape.kind}({motions.ray(index)}, {_placement(shape)});{note}")
         lines.append(f"    if (s < t) {{ t = s; id = {index}; }}")
-    # Last, because what lies nearer ends the marching.
-    lines += (f"    {line}" for line in march_statements(shapes, motions))
     return [*lines, "    return t;", "}", ""]
 
 

@@ -87,7 +87,7 @@ class TracerRenderer:
         for texture in self._textures:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._framebuffers = [gl.framebuffer([texture]) for texture in self._textures]
-        iterations = scene.max_depth * (1 + march_steps(scene))  # of one sample, at most
+        iterations = scene.max_depth * (1 + march_steps(scene.shapes))  # of one sample, at most
         self._max_samples = max(1, min(MAX_SAMPLES_PER_PASS, MAX_ITERATIONS // iterations))
         self._draw_work = FIRST_DRAW
 
