@@ -15,6 +15,7 @@ const uint NOISE_Z = 0x165667b1u;
 const uint NOISE_SEED = 747796405u;
 const uint NOISE_OFFSET = 2891336453u;
 const uint NOISE_OCTAVE = 0x9e3779b9u;  // from the seed of one octave to that of the next: the golden ratio's bits
+const float NOISE_UNIT = 1.0 / 16777216.0;  // 2^-24: the step of lattice values, which are scaled last
 
 // PCG's output permutation over four states: the upper 24 bits, as whole numbers up to 2^24. Its last xorshift is left
 // out, which changes none of the upper 22.
@@ -34,8 +35,8 @@ void cell_values(vec3 corner, uint seed, out vec4 lower, out vec4 upper)
     upper = lattice_values(state + NOISE_Z);
 }
 
-// Noise in steps of 2^-24, so that a sum of octaves is scaled once.
-float cell_noise(vec3 p, uint seed)
+// Value noise at p, within [0, 1]; a cell is a unit cube.
+float value_noise(vec3 p, uint seed)
 {
     vec3 corner = floor(p);
     vec3 f = p - corner;
@@ -44,10 +45,10 @@ float cell_noise(vec3 p, uint seed)
     cell_values(corner, seed, lower, upper);
     vec4 a = lower + s.z * (upper - lower);
     vec2 b = a.xy + s.y * (a.zw - a.xy);
-    return b.x + s.x * (b.y - b.x);
+    return (b.x + s.x * (b.y - b.x)) * NOISE_UNIT;
 }
 
-// The same with its gradient: xyz the derivatives along p, w the noise.
+// xyz the gradient of the noise at p, w the noise, all in units of NOISE_UNIT.
 vec4 cell_noise_gradient(vec3 p, uint seed)
 {
     vec3 corner = floor(p);
@@ -65,50 +66,20 @@ vec4 cell_noise_gradient(vec3 p, uint seed)
     return vec4(slope * along, b.x + s.x * along.x);
 }
 
-const float NOISE_UNIT = 1.0 / 16777216.0;  // 2^-24
-
-// Value noise at p, within [0, 1]; a cell is a unit cube.
-float value_noise(vec3 p, uint seed)
-{
-    return cell_noise(p, seed) * NOISE_UNIT;
-}
-
-// xyz the gradient of the noise at p, w the noise.
-vec4 value_noise_gradient(vec3 p, uint seed)
-{
-    return cell_noise_gradient(p, seed) * NOISE_UNIT;
-}
-
 // Fractal noise, Σ gain^i noise(lacunarity^i p) / Σ gain^i over i < octaves, each octave with a seed of its own; within
-// [0, 1]. Mesa unrolls the loop for literal octaves up to about 5; beyond, they count among the iterations of which
-// llvmpipe allows 65,535 (see MAX_ITERATIONS in harness/tracer/renderer.py), as they do where octaves vary.
+// [0, 1]. The definition; scenes have their octaves written out, since of more than about 5 Mesa keeps the loop, and its
+// iterations count among the 65,535 that llvmpipe allows (see MAX_ITERATIONS in harness/tracer/renderer.py).
 float fbm(vec3 p, int octaves, float lacunarity, float gain, uint seed)
 {
     float sum = 0.0, weights = 0.0, weight = 1.0;
     for (int i = 0; i < octaves; ++i) {
-        sum += weight * cell_noise(p, seed);
+        sum += weight * value_noise(p, seed);
         weights += weight;
         weight *= gain;
         p *= lacunarity;
         seed += NOISE_OCTAVE;
     }
-    return sum * (NOISE_UNIT / weights);
-}
-
-// xyz the gradient of fbm at p, w its value.
-vec4 fbm_gradient(vec3 p, int octaves, float lacunarity, float gain, uint seed)
-{
-    vec4 sum = vec4(0.0);
-    float weights = 0.0, weight = 1.0, scale = 1.0;
-    for (int i = 0; i < octaves; ++i) {
-        sum += weight * vec4(scale, scale, scale, 1.0) * cell_noise_gradient(p, seed);
-        weights += weight;
-        weight *= gain;
-        scale *= lacunarity;
-        p *= lacunarity;
-        seed += NOISE_OCTAVE;
-    }
-    return sum * (NOISE_UNIT / weights);
+    return sum / weights;
 }
 
 #endif

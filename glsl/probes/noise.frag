@@ -1,6 +1,5 @@
 // Value noise and its fractal sums at one point. In: input0 = the point, number of octaves; input1 = lacunarity, gain,
-// the seed's upper and lower 16 bits. Out: output0, 1 = gradient and value of value noise and of fbm; output2.xy = value
-// noise and fbm by the functions without a gradient.
+// the seed's upper and lower 16 bits. Out: output0 = gradient and value of the noise; output1.xy = value noise, fbm.
 #include "lib/noise.glsl"
 
 uniform sampler2D input0;
@@ -8,7 +7,6 @@ uniform sampler2D input1;
 
 layout(location = 0) out vec4 output0;
 layout(location = 1) out vec4 output1;
-layout(location = 2) out vec4 output2;
 
 void main()
 {
@@ -17,7 +15,6 @@ void main()
     vec4 how = texelFetch(input1, row, 0);
     int octaves = int(place.w);
     uint seed = uint(how.z) << 16u | uint(how.w);
-    output0 = value_noise_gradient(place.xyz, seed);
-    output1 = fbm_gradient(place.xyz, octaves, how.x, how.y, seed);
-    output2 = vec4(value_noise(place.xyz, seed), fbm(place.xyz, octaves, how.x, how.y, seed), 0.0, 0.0);
+    output0 = cell_noise_gradient(place.xyz, seed) * NOISE_UNIT;
+    output1 = vec4(value_noise(place.xyz, seed), fbm(place.xyz, octaves, how.x, how.y, seed), 0.0, 0.0);
 }

@@ -166,8 +166,8 @@ def _shader_fbm(variant: Variant, points: np.ndarray) -> np.ndarray:
     """fbm (N,) of the shader at points (N, 3)."""
     count = len(points)
     found = variant.probe("noise.frag", np.c_[points, np.full(count, OCTAVES)],
-                          np.tile([LACUNARITY, GAIN, SEED >> 16, SEED & 0xFFFF], (count, 1)), outputs=3)
-    return found[:, 9]
+                          np.tile([LACUNARITY, GAIN, SEED >> 16, SEED & 0xFFFF], (count, 1)), outputs=2)
+    return found[:, 5]
 
 
 def _fbm(points: np.ndarray, noise: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
@@ -209,8 +209,8 @@ def _lattice_distance(variant: Variant, mitsuba: Callable[[np.ndarray], np.ndarr
     """The mean difference of the hash in GLSL from that in Mitsuba over 256 lattice points from (number, 0, 0) on."""
     n = number + np.arange(256.0)
     found = variant.probe("noise.frag", np.c_[n, np.zeros((256, 2)), np.ones(256)],
-                          np.tile([LACUNARITY, GAIN, 0, 0], (256, 1)), outputs=3)
-    return float(np.abs(found[:, 8] - mitsuba(n)).mean())
+                          np.tile([LACUNARITY, GAIN, 0, 0], (256, 1)), outputs=2)
+    return float(np.abs(found[:, 4] - mitsuba(n)).mean())
 
 
 def _marble(points: np.ndarray, field: np.ndarray) -> np.ndarray:

@@ -8,14 +8,14 @@ by the shape, and textures that differ in their colours only are evaluated once.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from harness.scene.model import Procedural, Shape, Texture
 from harness.scene.noise import OCTAVE, UINT32, octave_weights
 from harness.scene.procedural import RISE, WOOD_GRAIN
-from harness.tracer.literals import function, is_any, number, vector
+from harness.tracer.literals import chosen, function, grouped, is_any, number, vector
 from harness.tracer.targets import Target
 
 # Textures that are evaluated as one: by shape, without their colours.
@@ -65,7 +65,7 @@ def assignments(targets: Sequence[Target], shapes: Sequence[Shape]) -> list[str]
             assert isinstance(texture, Procedural)
             lane = next(lane for lane, textures in enumerate(needed) if textures.get(index) == _uncolored(texture))
             values[index] = _ramp(f"ramp_{lane}", texture, target.swizzle)
-        lines += [f"if ({is_any(ids)}) {target.variable} = {value};" for value, ids in _groups(values)]
+        lines += [f"if ({is_any(ids)}) {target.variable} = {value};" for value, ids in grouped(values)]
     return lines
 
 
@@ -84,7 +84,7 @@ def _evaluation(textures: Lane, shapes: Sequence[Shape]) -> list[str]:
             for index, texture in textures.items()}
     lines: list[str] = []
     for axis, name in enumerate("xyz"):
-        lines += _chosen("vec4", f"row_{name}", {index: vector(matrix[axis]) for index, matrix in rows.items()})
+        lines += chosen("vec4", f"row_{name}", {index: vector(matrix[axis]) for index, matrix in rows.items()})
     # In the order of scene.procedural.transformed, so that both renderers round alike: dot() may add up in another.
     coordinates = ", ".join(" + ".join(f"row_{name}.{axis} * p.{axis}" for axis in "xyz") + f" + row_{name}.w"
                             for name in "xyz")
@@ -93,10 +93,10 @@ def _evaluation(textures: Lane, shapes: Sequence[Shape]) -> list[str]:
     waves = {index: texture for index, texture in textures.items() if texture.kind != "fractal"}
     if not waves:
         return [*lines, "return noise;"]
-    lines += _chosen("float", "along", {index: "q.x" if texture.kind == "marble" else "length(q.xy)"
+    lines += chosen("float", "along", {index: "q.x" if texture.kind == "marble" else "length(q.xy)"
                                         for index, texture in waves.items()})
-    lines += _chosen("float", "distortion", {index: number(texture.distortion) for index, texture in waves.items()})
-    lines += _chosen("float", "rise", {index: number(RISE[texture.kind]) for index, texture in waves.items()})
+    lines += chosen("float", "distortion", {index: number(texture.distortion) for index, texture in waves.items()})
+    lines += chosen("float", "rise", {index: number(RISE[texture.kind]) for index, texture in waves.items()})
     lines.append("float t = wave(along + distortion * noise, rise).x;")
     if fractals := [index for index in textures if index not in waves]:
         lines.append(f"if ({is_any(fractals)}) t = noise;")
@@ -111,36 +111,21 @@ def _noise(textures: Lane) -> list[str]:
     """
     # `precise`, so that compilers do not merge the factors of successive octaves: a steep texture would show the other
     # rounding of the place in a cell.
-    lines = _chosen("precise vec3", "cell", {index: f"q * {vector(WOOD_GRAIN)}" if texture.kind == "wood" else "q"
+    lines = chosen("precise vec3", "cell", {index: f"q * {vector(WOOD_GRAIN)}" if texture.kind == "wood" else "q"
                                      for index, texture in textures.items()})
-    lines += _chosen("uint", "seed", {index: f"{texture.seed}u" for index, texture in textures.items()})
-    lines += _chosen("float", "lacunarity", {index: number(texture.lacunarity) for index, texture in textures.items()})
+    lines += chosen("uint", "seed", {index: f"{texture.seed}u" for index, texture in textures.items()})
+    lines += chosen("float", "lacunarity", {index: number(texture.lacunarity) for index, texture in textures.items()})
     most = max(texture.octaves for texture in textures.values())
     weights = {index: octave_weights(texture.octaves, texture.gain) + [0.0] * (most - texture.octaves)
                for index, texture in textures.items()}
     for octave in range(most):
-        lines += _chosen("float", f"weight_{octave}", {index: number(own[octave]) for index, own in weights.items()})
+        lines += chosen("float", f"weight_{octave}", {index: number(own[octave]) for index, own in weights.items()})
         if octave == 0:
             lines.append("float noise = weight_0 * value_noise(cell, seed);")
         else:
             lines += ["cell *= lacunarity;",
                       f"noise += weight_{octave} * value_noise(cell, seed + {octave * OCTAVE & UINT32}u);"]
     return lines
-
-
-def _chosen(kind: str, name: str, values: Mapping[int, str]) -> list[str]:
-    """Statements that declare `name` as the value of shape `id`, one of those given."""
-    groups = _groups(values)
-    return [f"{kind} {name} = {groups[0][0]};",
-            *(f"if ({is_any(ids)}) {name} = {value};" for value, ids in groups[1:])]
-
-
-def _groups(values: Mapping[int, str]) -> list[tuple[str, list[int]]]:
-    """Distinct values with the shapes that have them, commonest first."""
-    groups: dict[str, list[int]] = {}
-    for index, value in values.items():
-        groups.setdefault(value, []).append(index)
-    return sorted(groups.items(), key=lambda item: -len(item[1]))
 
 
 def _ramp(place: str, texture: Procedural, swizzle: str) -> str:
