@@ -74,6 +74,8 @@ def plugin_class(mi: Any) -> type:
     class ProceduralTexture(mi.Texture):
         def __init__(self, props: Any) -> None:
             super().__init__(props)
+            if not mi.variant().endswith("_ad_rgb"):  # the hash needs arrays, and colours have three channels
+                raise RuntimeError(f"{props.plugin_name()}: variant {mi.variant()} is not supported; use llvm_ad_rgb")
             self.texture = read(props)
             self.arithmetic = arithmetic(mi)
             self.to_rest = None

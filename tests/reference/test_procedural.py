@@ -82,6 +82,13 @@ def test_colours_and_transforms_are_read(mi: Any) -> None:
     assert (texture.frequency, texture.octaves, texture.seed) == (1.0, 7, 2**32 - 1)
 
 
+def test_variants_without_unsigned_arrays_are_refused(mi: Any) -> None:
+    """In which the noise would be another one, without a word."""
+    mi.set_variant("scalar_rgb")
+    with pytest.raises(RuntimeError, match="marble: variant scalar_rgb is not supported; use llvm_ad_rgb"):
+        mi.load_dict({"type": "marble"})
+
+
 LIGHTS = {
     "rectangle": '<transform name="to_world"><scale x="2" y="0.7"/><rotate x="0.6" y="0.8" angle="40"/></transform>',
     "disk": '<transform name="to_world"><rotate x="0.6" y="0.8" angle="-20"/><scale value="1.3"/></transform>',
