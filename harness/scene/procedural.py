@@ -4,8 +4,8 @@ A texture is a function of the surface point p in the shape's canonical object s
 of a moving shape, at its place at time 0). With q = frequency · (to_texture p):
 
     fractal   t = fbm(q)
-    marble    t = wave(q.x + distortion · fbm(q), 1/2)                     veins across the x axis
-    wood      t = wave(√(q.x² + q.y²) + distortion · fbm(g q), 3/4)       rings about the z axis, grain g along it
+    marble    t = wave(q.x + distortion · fbm(q), 1/2)                    veins across the x axis
+    wood      t = wave(√(q.x² + q.y²) + distortion · fbm(g q), 3/4)       rings about the z axis, g = (1/4, 1/4, 1/16)
 
 fbm is that of `harness.scene.noise`, from octaves, lacunarity, gain and seed. wave(s, rise) has period 1: it climbs
 from 0 to 1 over the part `rise` of the period and falls back over the rest, along 3x² - 2x³ both ways, so it is
@@ -31,10 +31,10 @@ KINDS = ("fractal", "marble", "wood")
 
 # Part of the period in which a wave climbs: early wood grows slowly darker, late wood ends in a sharp edge.
 RISE = {"marble": 0.5, "wood": 0.75}
-# The noise that bends wood's rings is wider than they are, and follows the trunk.
+# The noise that bends wood's rings is wider than they are, and stretched along the trunk.
 WOOD_GRAIN = (0.25, 0.25, 0.0625)
 
-# Mitsuba's parameters by kind, with their defaults where a file is silent.
+# The plugins' parameters where a file is silent.
 DEFAULT_OCTAVES, DEFAULT_LACUNARITY, DEFAULT_GAIN = 4, 2.0, 0.5
 DEFAULT_FREQUENCY = {"fractal": 4.0, "marble": 2.0, "wood": 8.0}
 DEFAULT_DISTORTION = {"marble": 3.0, "wood": 2.0}
