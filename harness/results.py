@@ -109,7 +109,8 @@ class Plot:
 class Exhibit:
     """An error of the handout: its formula and the right one as GLSL, what it does, and what finds it.
 
-    `file`: where its text stands under glsl/, empty for an error of wording. `effect` and `advice`: sentences.
+    `file`: where its text stands under glsl/, empty for an error of wording. `size`: how large the effect is, in a few
+    words; `effect` and `advice`: sentences.
     `message`: what the compiler says of it, if it does not compile.
     """
 
@@ -118,6 +119,7 @@ class Exhibit:
     file: str
     handout: str
     right: str
+    size: str
     effect: str
     advice: str
     findings: tuple[Finding, ...]

@@ -45,6 +45,12 @@ def mean_error(measures: str, handout: MeanErrorVerdict, ours: MeanErrorVerdict)
                    ours.outcome == "pass")
 
 
+def percentage(finding: Finding) -> float:
+    """The handout's number of a finding, in percent."""
+    assert isinstance(finding.handout, float)
+    return 100 * finding.handout
+
+
 def lobe_pdf(store: Store | None) -> Exhibit:
     """π² where 2π belongs."""
     wrong, right = (checks.pdf_integral(variant, ALPHA) for variant in (LOBE_PDF, OURS))
@@ -61,7 +67,8 @@ def lobe_pdf(store: Store | None) -> Exhibit:
                 "number", misfit[1] < checks.LEVEL, fit[1] > checks.LEVEL),
         mean_error("plates with nothing but a lobe against their closed form", _plates(LOBE_PDF), _plates(OURS)),
         _image_error("spheres with mixture against Mitsuba", compared))
-    return exhibit("lobe-pdf", findings, _pictures(compared), cancelled=100 * float(np.abs(cancelled.error).max()))
+    return exhibit("lobe-pdf", findings, _pictures(compared), lobe=percentage(findings[2]),
+                   cancelled=100 * float(np.abs(cancelled.error).max()))
 
 
 def _plates(variant: Variant) -> MeanErrorVerdict:
@@ -107,9 +114,7 @@ def reflect(store: Store | None) -> Exhibit:
         expected_weight(f"hasty repair: albedo of a lobe at 60°, relative to the exact {exact:.3f}", REFLECT_REPAIRED,
                         SLANTED),
         _image_error("hasty repair: spheres against Mitsuba", compared))
-    lost = findings[-1].handout
-    assert isinstance(lost, float)
-    return exhibit("reflect", findings, _pictures(compared), message=wrong, error=100 * lost)
+    return exhibit("reflect", findings, _pictures(compared, "Hasty repair"), message=wrong, error=percentage(findings[-1]))
 
 
 def tangent(store: Store | None) -> Exhibit:
@@ -172,7 +177,9 @@ def below_surface(store: Store | None) -> Exhibit:
               ExhibitImage("Mitsuba", reference.mean)]
     images += [ExhibitImage(name.capitalize(), signed_relative_difference(shown[name].mean, reference.mean), "relative")
                for name in ("ours", *renders)]
-    return exhibit("below-surface", findings, images, alpha=ALPHA, share=100 * float((directions[:, 2] <= 0).mean()))
+    errors = [percentage(finding) for finding in findings if finding.check == "mean error"]
+    return exhibit("below-surface", findings, images, alpha=ALPHA, share=100 * float((directions[:, 2] <= 0).mean()),
+                   least=min(errors), most=max(errors))
 
 
 def expected_weight(measures: str, variant: Variant, angle: float) -> Finding:
@@ -200,8 +207,8 @@ def _image_error(measures: str, compared: Comparison) -> Finding:
     return mean_error(measures, judge(handout, reference), judge(ours, reference))
 
 
-def _pictures(compared: Comparison) -> tuple[ExhibitImage, ...]:
+def _pictures(compared: Comparison, title: str = "Handout") -> tuple[ExhibitImage, ...]:
     _, handout, ours, reference = compared
-    return (ExhibitImage("Handout", handout.mean), ExhibitImage("Ours", ours.mean),
+    return (ExhibitImage(title, handout.mean), ExhibitImage("Ours", ours.mean),
             ExhibitImage("Mitsuba", reference.mean),
             ExhibitImage("Relative difference", signed_relative_difference(handout.mean, reference.mean), "relative"))

@@ -10,12 +10,13 @@ from harness.results import Exhibit, ExhibitImage, Finding, Plot
 
 @dataclass(frozen=True)
 class Text:
-    """The words of one exhibit; `effect` has a place in braces for each measured number."""
+    """The words of one exhibit; `size` and `effect` have a place in braces for each measured number."""
 
     title: str
     file: str
     handout: str
     right: str
+    size: str
     effect: str
     advice: str
 
@@ -25,6 +26,7 @@ TEXTS = {
         "The Phong lobe's pdf over π²", "course/lobe_pdf.glsl",
         "(alpha + 1) * pow(dot(r, l), alpha) / (PI * PI)",
         "(alpha + 1) * pow(dot(r, l), alpha) / (2 * PI)",
+        "{lobe:+.0f} % of the lobe's light",
         "A pdf must integrate to 1; this one integrates to 2/π. Every sample of the lobe is divided by too little, "
         "and its light comes out π/2 = 1.571 times too bright, whatever the exponent. Where the pdf is cancelled on "
         "paper against the BRDF's own term it is never evaluated: with the same two formulas the strategy lobes is "
@@ -35,6 +37,7 @@ TEXTS = {
         "Lobe samples below the surface", "course/below_surface.glsl",
         "weight = ks * dot(n, l);  // whatever l",
         "weight = dot(n, l) > 0.0 ? ks * dot(n, l) : vec3(0.0);",
+        "{least:+.1f} to {most:+.1f} % of an image's light",
         "About a mirror direction near the horizon, part of the lobe lies below the surface: {share:.0f} % of the "
         "samples for a viewer at 80° and α = {alpha:g}. Kept with their negative cosine they take light away. Folded "
         "up, or drawn again until one fits, they add light that is not there, since the pdf still counts the part "
@@ -44,6 +47,7 @@ TEXTS = {
         "A tangent that vanishes at (1,1,1)", "course/tangent.glsl",
         "normalize(cross(w.yzx, w))",
         "to_world of lib/sampling.glsl: Duff et al. 2017",
+        "NaN in {lost:,} samples",
         "w.yzx is w turned about (1,1,1). Where w points there, the cross product is zero, normalising it gives NaN, "
         "and one NaN poisons an accumulating pixel for ever. On a sphere no pixel need ever meet that normal, so the "
         "picture of a sphere tells nothing; a flat surface that faces (1,1,1) is lost whole: {lost:,} samples. "
@@ -54,6 +58,7 @@ TEXTS = {
         "The maximum of a vector", "course/reflect.glsl",
         "pow(max(reflect(l,n),0.0), alpha)",
         "pow(max(dot(reflect(-l, n), v), 0.0), alpha)",
+        "no picture; repaired in haste, {error:.0f} % of the light",
         "The cosine to the viewer is missing, so a direction stands where a number must, and the compiler says so. "
         "With the dot product added and nothing else, max(dot(reflect(l,n),v),0.0), it compiles. But GLSL's reflect "
         "takes a direction that travels towards the surface; l points away from it, so the mirror direction points "
@@ -66,6 +71,7 @@ TEXTS = {
         "seed = (numpass*0.9610356 + 1024*texcoord.x + texcoord.y)*1.51269341231\n"
         "rand() = fract(sin(seed++)*43758.5453123)",
         "lib/random.glsl: an integer hash of (pixel, pass, replica)",
+        "noise of rows {rows:.2f} correlated, late",
         "No dramatic failure: at {passes:,} passes the RMSE is {excess:+.1f} % off ours, and the image's mean is "
         "right within ±0.2 %. But the seed is a float32, with ever fewer values the larger the pass, and the sine has"
         " few to begin with. Late passes give neighbouring rows the same random numbers, so that their noise is alike"
@@ -77,6 +83,7 @@ TEXTS = {
         "Value noise on a sine", "course/noise.glsl",
         "hash(n) = fract(sin(n)*43758.5453123)",
         "lib/noise.glsl: an integer hash of the lattice point",
+        "marble differs by up to {largest:.2f}",
         "The factor 43758.5 makes the last digits of the sine the first digits of the hash, and those digits are each"
         " compiler's own. Far from the origin, where lattice points have large numbers, the sine of Mitsuba's "
         "compiler and that of this GL driver differ, and one formula draws two textures: on a floor 100 units from "
@@ -88,6 +95,7 @@ TEXTS = {
         "Importance sampling and convergence time", "",
         "“importance sampling augments convergence time”",
         "“importance sampling reduces convergence time”",
+        "without it {samples:.0f} times the samples",
         "The opposite was meant. On the course's scene, uniform sampling takes {samples:.0f} times the samples of "
         "mixture to the same RMSE (95 % interval {low:.0f} to {high:.0f}), and {time:.0f} times the CPU time.",
         "Say what is compared: samples, or time, to the same error. Both errors fall as 1/√N; importance sampling "
@@ -99,5 +107,5 @@ def exhibit(id: str, findings: Sequence[Finding], images: Sequence[ExhibitImage]
             message: str = "", **numbers: float) -> Exhibit:
     """The exhibit of that id: its text with the measured numbers in their places, and what was found."""
     text = TEXTS[id]
-    return Exhibit(id, text.title, text.file, text.handout, text.right, text.effect.format(**numbers), text.advice,
-                   tuple(findings), tuple(images), tuple(plots), message)
+    return Exhibit(id, text.title, text.file, text.handout, text.right, text.size.format(**numbers),
+                   text.effect.format(**numbers), text.advice, tuple(findings), tuple(images), tuple(plots), message)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from harness import bench, studies
+from harness import bench, files, studies
 from harness.results import StudyResult
 from tests.cli.conftest import SKY, Harness
 
@@ -151,3 +151,46 @@ def test_a_damaged_benchmark_is_left_out_with_a_warning(
     assert done.err.startswith("warning: out/bench.json: not a benchmark result (")
     assert done.err.endswith("; the report goes without it\n")
     assert unset[0].bench is None
+
+
+class TestExhibits:
+    """The handout's errors belong to the report on the scenes that come with the harness."""
+
+    @pytest.fixture
+    def measured(self, monkeypatch: pytest.MonkeyPatch, sky: Path) -> list[int]:
+        """The bundled scenes are one, the exhibits are none and counted, and reports keep what they are given."""
+        calls: list[int] = []
+
+        def measure(*arguments: object) -> tuple[()]:
+            calls.append(1)
+            return ()
+
+        monkeypatch.setattr("harness.exhibits.measure_exhibits", measure)
+        folder = sky.parent / "scenes"
+        folder.mkdir()
+        sky.rename(folder / "sky.xml")
+        real = files.data_dir
+        monkeypatch.setattr(files, "data_dir", lambda name: folder if name == "mitsuba_scenes" else real(name))
+        return calls
+
+    def test_they_are_measured_once_and_read_back(self, harness: Harness, measured: list[int]) -> None:
+        assert harness("report", "-o", "out").status == 0
+        assert harness("report", "-o", "out").status == 0
+        assert len(measured) == 1
+
+    def test_damaged_ones_are_measured_again(
+        self, harness: Harness, measured: list[int], tmp_path: Path, unset: list[Built],
+    ) -> None:
+        harness("report", "-o", "out")
+        words, = (tmp_path / "cache" / "exhibits").glob("*/exhibits.json")
+        words.write_text("{", encoding="utf-8")
+        done = harness("report", "-o", "out")
+        assert done.err.startswith(f"warning: {words}: missing or damaged (")
+        assert done.err.endswith("; the exhibits are measured again\n") and done.err.count("\n") == 1
+        assert len(measured) == 2
+
+    def test_a_report_on_other_scenes_goes_without(
+        self, harness: Harness, measured: list[int], tmp_path: Path, unset: list[Built],
+    ) -> None:
+        assert harness("report", tmp_path / "scenes" / "sky.xml", "-o", "out").status == 0
+        assert not measured
