@@ -13,6 +13,7 @@ _HOMES = {
     "Scene": "harness.scene", "load_scene": "harness.scene",
     "Store": "harness.store",
     "StrategyResult": "harness.results", "StudyResult": "harness.results",
+    "load_gates": "harness.gates", "run_gate": "harness.gates",
     "judge": "harness.runs", "render": "harness.runs", "render_reference": "harness.runs",
     "read_estimate": "harness.exr", "write_estimate": "harness.exr",
     "study": "harness.studies",

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -75,8 +76,8 @@ class TestFiles:
         assert [look["samples"] for look in numbers["looks"]] == [16]
         assert numbers["curve"][0]["low"] is None
 
-    def test_of_an_earlier_run_are_removed(self, tmp_path: Path, failed: GateResult, passed: GateResult) -> None:
-        save_result(failed, tmp_path)
+    def test_of_an_earlier_run_are_removed(self, tmp_path: Path, folder: Path, passed: GateResult) -> None:
+        shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
         (tmp_path / "mine.txt").touch()
         save_result(passed, tmp_path, pictures=False)
         assert {path.name for path in tmp_path.iterdir()} == {RESULT_FILE, "mine.txt"}

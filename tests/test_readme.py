@@ -40,6 +40,18 @@ def section(title: str) -> str:
     return README.split(f"\n## {title}\n")[1].split("\n## ")[0]
 
 
+# What `harness gate` runs by default, as small as it can be.
+GATES = """[[gate]]
+name = "spheres-mixture"
+scene = "spheres"
+strategy = "mixture"
+size = [16, 12]
+spp = 1
+reference = { value = [0, 0, 0] }
+reason = "For the tests of the commands: certain to fail at the first look."
+"""
+
+
 def first_column(text: str) -> list[str]:
     """The first cells of a section's table, less its head."""
     return [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("|")][2:]
@@ -51,6 +63,8 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     scenes = tmp_path / "mitsuba_scenes"
     scenes.mkdir()
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "gates.toml").write_text(GATES, encoding="utf-8")
     (scenes / "spheres.xml").symlink_to(data_dir("mitsuba_scenes") / "spheres.xml")
     monkeypatch.setattr("harness.files.data_dir", {**{name: data_dir(name) for name in ("glsl", "reports")},
                                                    "mitsuba_scenes": scenes}.__getitem__)
