@@ -6,7 +6,10 @@ the red channel of a procedural texture at d.
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +23,9 @@ REASONS = {
     "checkerboard": "jumps, so the surface would be torn",
     "bitmap": "has one value for each direction only where its poles and its seam are uniform",
 }
+
+# Steps of the grid along an edge of the cube: 10^5 directions, a tenth of a second for each octave.
+GRID = 128
 
 
 @dataclass(frozen=True)
@@ -90,7 +96,26 @@ def normal(directions: np.ndarray, r: np.ndarray, gradient: np.ndarray) -> np.nd
     return np.asarray(outward / np.linalg.norm(outward, axis=1, keepdims=True))
 
 
+@functools.cache
 def bounds(displacement: Displacement) -> Bounds:
+    """Bounds on a displaced sphere.
+
+    `lowest`, `highest` and `slope` from values on a grid of directions, and what the bend allows between them.
+    """
+    certain = certain_bounds(displacement)
+    directions, apart = _grid()
+    r, gradient = radius(displacement, directions)
+    steepness = np.linalg.norm(gradient - (gradient * directions).sum(axis=1, keepdims=True) * directions, axis=1)
+    between: Any = certain.slope * apart
+    slope = certain.slope
+    if certain.least == certain.greatest and not certain.axis_bend:  # a ramp's corners and rings' axes bend without end
+        between = np.minimum(between, steepness * apart + 0.5 * certain.bend * apart**2)
+        slope = min(slope, float(steepness.max()) + certain.bend * apart)
+    return dataclasses.replace(certain, slope=slope, lowest=max(certain.lowest, float((r - between).min())),
+                               highest=min(certain.highest, float((r + between).max())))
+
+
+def certain_bounds(displacement: Displacement) -> Bounds:
     """Bounds from the texture's parameters alone, whatever values its lattice holds."""
     texture = displacement.texture
     assert isinstance(texture, Procedural)
@@ -114,6 +139,19 @@ def bounds(displacement: Displacement) -> Bounds:
     # Along a great circle, d² t/dφ² = u·Hu - ∇t·d with the Hessian H and unit u: hence the slope adds to the bend.
     return Bounds(1 + float(reds.min()), 1 + float(reds.max()), float(slopes.min()), float(slopes.max()),
                   largest * steep, largest * (bend + steep), largest * axis_bend)
+
+
+@functools.cache
+def _grid() -> tuple[np.ndarray, float]:
+    """Directions over a cube's faces at equal angles, (N, 3), and the angle from any direction to the nearest of them.
+
+    Where u and v are the two angles on a face, neither moves the direction (1, tan u, tan v) by more than its own size.
+    """
+    tangents = np.tan(np.linspace(-np.pi / 4, np.pi / 4, GRID + 1))
+    u, v = (side.ravel() for side in np.meshgrid(tangents, tangents))
+    directions = np.concatenate([np.roll(np.column_stack([np.full_like(u, side), u, v]), axis, axis=1)
+                                 for axis in range(3) for side in (1.0, -1.0)])
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True), 2 * np.pi / 4 / GRID
 
 
 def _reds(texture: Procedural) -> tuple[float, ...]:

@@ -78,8 +78,8 @@ def _shell_function(spheres: Sequence[tuple[int, Shape]], motions: Motions) -> l
                  " : NO_HIT;",
                  f"if (s >= reach) left &= ~{bit};",
                  f"if (s < nearest) {{ nearest = s; id = {index}; taken = {bit}; }}"]
-    return ["// The displaced sphere whose shell the ray enters first of those whose bits are in `left`, or -1. Its bit",
-            "// leaves `left`, and so do those of spheres that the ray does not enter within `reach`.",
+    return ["// The displaced sphere whose shell the ray enters first of those whose bits are in `left`, or -1. Its",
+            "// bit leaves `left`, and so do those of spheres that the ray does not enter within `reach`.",
             *function("int nearest_shell(vec3 o, vec3 d, float reach, inout uint left)",
                       [*body, "left &= ~taken;", "return id;"])]
 
