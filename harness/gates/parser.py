@@ -1,4 +1,24 @@
-"""From a TOML file to gates: every key typed and checked, and whatever is wrong refused with file and line."""
+"""From a TOML file to gates: every key typed and checked, and whatever is wrong refused with file and line.
+
+A file has tables [suite] (false_alarms), [defaults] (any key of a gate but name, scene and reason) and, for each gate
+or for several strategies of one, [[gate]]:
+
+    name         a folder's name; of a list of strategies each is called NAME-STRATEGY
+    scene        a Mitsuba scene file (.xml), or the name of one that is bundled with the harness
+    strategy     one, or a list
+    reason       why this tolerance; reports quote it
+    tolerance    { mean, coarse, fine }: relative bias of the image, of larger and of smaller tiles that counts as none
+    spp          samples per pixel of a replica
+    replicas     the most that are drawn; with spp the budget
+    size         [width, height], the film's own if not given
+    reference    { spp } of Mitsuba for each replica, { file } (.exr), or { value } (one colour for all pixels)
+    confidence   of the intervals that must lie within the tolerance
+    not_finite   the share of samples that may be neither finite nor counted
+    shader       a file that stands in for path_tracer.frag
+    glsl         a folder of files that stand in for those of the harness's glsl/ with the same name
+
+Paths are relative to the file.
+"""
 
 from __future__ import annotations
 
