@@ -2,7 +2,8 @@
 //
 // `pingpong0` holds the previous pass's result: rgb = sum of radiance, alpha = number of samples. `numpass` counts
 // passes from 0, when pingpong0 may hold anything and is not read. `texcoord` runs over [0,1]², (0,0) at the bottom
-// left. display.frag divides and shows. The defaults of the other uniforms let any such host run this file as it is.
+// left. display.frag divides and shows. The defaults of the other uniforms let any such host run this file as it is,
+// once it has bound a scene's images as the comments beside their samplers say.
 #include "scene.glsl"
 #include "lib/path.glsl"
 

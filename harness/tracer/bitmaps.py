@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from harness.scene.model import Bitmap, Checkerboard, Matrix3, Shape
 from harness.tracer.literals import chosen, grouped, in_comment, is_any, number, vector
-from harness.tracer.targets import Target
+from harness.tracer.targets import Target, textures_of
 
 Placed = TypeVar("Placed", Bitmap, Checkerboard)
 
@@ -25,19 +25,16 @@ def images(shapes: Sequence[Shape]) -> list[Bitmap]:
     Bitmaps that differ in nothing but `to_uv` share one.
     """
     found: dict[Hashable, Bitmap] = {}
-    for shape in shapes:
-        displacement = shape.displacement.texture if shape.displacement else None
-        for texture in (shape.material.kd, shape.material.ks, shape.material.alpha, shape.emission, displacement):
-            if isinstance(texture, Bitmap):
-                found.setdefault(_image(texture), texture)
+    for texture in (texture for shape in shapes for texture in textures_of(shape)):
+        if isinstance(texture, Bitmap):
+            found.setdefault(_image(texture), texture)
     return list(found.values())
 
 
 def declarations(shapes: Sequence[Shape]) -> list[str]:
     """The samplers, each with what a host other than ours has to bind to it, and the library."""
-    textures = {type(value) for shape in shapes
-                for value in (shape.material.kd, shape.material.ks, shape.material.alpha, shape.emission)}
-    lines = ['#include "lib/bitmaps.glsl"', ""] if textures & {Bitmap, Checkerboard} else []
+    kinds = {type(texture) for shape in shapes for texture in textures_of(shape)}
+    lines = ['#include "lib/bitmaps.glsl"', ""] if kinds & {Bitmap, Checkerboard} else []
     for index, image in enumerate(images(shapes)):
         decoded = "as it is" if image.raw else "decoded from sRGB if it has 8 or 16 bits"
         wrapped = "repeat" if image.wrap_mode == "repeat" else "clamp to edge"

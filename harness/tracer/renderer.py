@@ -68,7 +68,8 @@ def tracer_source(scene: Scene, strategy: str) -> ShaderSource:
 
 
 class TracerRenderer:
-    """Renders batches of one scene with one strategy; holds the GL program and the two ping-pong textures.
+    """Renders batches of one scene with one strategy; holds the GL program, the scene's images and the two
+    ping-pong textures.
 
     Bitwise reproducible: a batch depends on scene, strategy, replica and sample range, never on tiles, passes or
     threads.
@@ -139,7 +140,8 @@ class TracerRenderer:
             self._textures[source].use(0)
             self._framebuffers[target].use()
             self._program.set({
-                "pingpong0": 0, **self._samplers.bind(1), "numpass": numpass, "samples_per_pass": count, "replica": replica,
+                "pingpong0": 0, **self._samplers.bind(1), "numpass": numpass, "samples_per_pass": count,
+                "replica": replica,
                 # The shader adds numpass * samples_per_pass; passes may differ in size, so it is taken off here.
                 "first_sample": (first + done - numpass * count) % SEEDS,
             })

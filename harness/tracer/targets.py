@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.scene.model import Varying
+from harness.scene.model import Shape, Varying
 
 
 @dataclass(frozen=True)
@@ -25,3 +25,10 @@ def restricted(targets: Sequence[Target], kind: type) -> list[Target]:
     few = [Target(t.variable, t.swizzle, {i: texture for i, texture in t.uses.items() if isinstance(texture, kind)})
            for t in targets]
     return [target for target in few if target.uses]
+
+
+def textures_of(shape: Shape) -> Iterator[Varying]:
+    """Every texture over a shape's surface: of its material and of its light, but not of its displacement."""
+    for value in (shape.material.kd, shape.material.ks, shape.material.alpha, shape.emission):
+        if value is not None and not isinstance(value, tuple | float | int):
+            yield value

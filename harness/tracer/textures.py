@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from harness.scene.model import Bitmap, Checkerboard, Procedural, Shape
 from harness.tracer import bitmaps, procedural, uv
-from harness.tracer.targets import Target, restricted
+from harness.tracer.targets import Target, restricted, textures_of
 
 
 def assignments(targets: Sequence[Target], shapes: Sequence[Shape]) -> list[str]:
@@ -33,5 +33,4 @@ def declarations(shapes: Sequence[Shape]) -> list[str]:
 def uv_users(shapes: Sequence[Shape]) -> list[int]:
     """The shapes of which a texture looks at (u, v), by their index."""
     return [index for index, shape in enumerate(shapes)
-            if any(isinstance(texture, Bitmap | Checkerboard)
-                   for texture in (shape.material.kd, shape.material.ks, shape.material.alpha, shape.emission))]
+            if any(isinstance(texture, Bitmap | Checkerboard) for texture in textures_of(shape))]

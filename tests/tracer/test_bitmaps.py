@@ -141,19 +141,20 @@ def board_xml(options: str = "", name: str = "reflectance") -> str:
 def test_checkerboards_are_mitsubas(mi: Any, scene: Any) -> None:
     """To the bit, on the squares' edges too; numbers and defaults for colours."""
     edges = np.stack(np.meshgrid(np.arange(-4, 5) / 4, np.arange(-4, 5) / 4), axis=-1).reshape(-1, 2)
-    uv = np.concatenate([random_uv(), edges.astype(np.float32)])
+    uv = np.concatenate([random_uv(), edges, edges + 1e-6, edges - 1e-6]).astype(np.float32)
     for texture in (board_xml(), '<texture type="checkerboard" name="reflectance"/>'):
         loaded = scene(sphere(texture))
         np.testing.assert_array_equal(probe(loaded, uv)["kd"], in_mitsuba(mi, loaded, uv))
 
 
 def test_every_slot_of_every_shape_gets_its_own(mi: Any, scene: Any, tmp_path: Path) -> None:
-    """Four shapes with one image in different slots and places, a second image and a checkerboard beside it.
+    """Five shapes with one image in different slots and places and read differently, a second one, a checkerboard.
 
     Every place is compared with a scene of that texture alone, which the tests above compare with Mitsuba.
     """
     first = image(mi, tmp_path / "first.png")
     second = image(mi, tmp_path / "second.png", channels=1)
+    coarse, raw = '<string name="filter_type" value="nearest"/>', '<boolean name="raw" value="true"/>'
     turned = '<transform name="to_uv"><rotate z="1" angle="30"/></transform>'
 
     def phong(kd: str, ks: str, alpha: str) -> str:
@@ -163,21 +164,23 @@ def test_every_slot_of_every_shape_gets_its_own(mi: Any, scene: Any, tmp_path: P
         phong(bitmap_xml(first, name="kd"), bitmap_xml(first, turned, name="ks"), bitmap_xml(second, name="alpha"))
         + phong('<rgb name="kd" value="0.1, 0.2, 0.3"/>', bitmap_xml(first, name="ks"), board_xml(name="alpha"))
         + phong(board_xml(turned, name="kd"), board_xml(name="ks"), '<float name="alpha" value="7"/>')
-        + f'<shape type="disk"><emitter type="area">{bitmap_xml(first, turned, name="radiance")}</emitter></shape>')
-    assert scene_chunk(loaded, "mixture").count("uniform sampler2D bitmap") == 2
+        + f'<shape type="disk"><emitter type="area">{bitmap_xml(first, turned, name="radiance")}</emitter></shape>'
+        + phong(bitmap_xml(first, coarse, name="kd"), bitmap_xml(first, raw, name="ks"), ""))
+    assert scene_chunk(loaded, "mixture").count("uniform sampler2D bitmap") == 4
 
     uv = random_uv(0, 1)
     alone = {name: probe(scene(sphere(texture)), uv)["kd"] for name, texture in {
         "first": bitmap_xml(first), "first turned": bitmap_xml(first, turned), "second": bitmap_xml(second),
+        "coarse": bitmap_xml(first, coarse), "raw": bitmap_xml(first, raw),
         "board": board_xml(), "board turned": board_xml(turned)}.items()}
-    at = [probe(loaded, uv, shape) for shape in range(4)]
+    at = [probe(loaded, uv, shape) for shape in range(5)]
     constant = np.broadcast_to(np.float32([0.1, 0.2, 0.3]), (len(uv), 3))
     for found, expected in (
             (at[0]["kd"], alone["first"]), (at[0]["ks"], alone["first turned"]),
             (at[0]["alpha"], alone["second"][:, 0]),
             (at[1]["kd"], constant), (at[1]["ks"], alone["first"]), (at[1]["alpha"], alone["board"][:, 0]),
             (at[2]["kd"], alone["board turned"]), (at[2]["ks"], alone["board"]), (at[2]["alpha"], 7),
-            (at[3]["emission"], alone["first turned"])):
+            (at[3]["emission"], alone["first turned"]), (at[4]["kd"], alone["coarse"]), (at[4]["ks"], alone["raw"])):
         np.testing.assert_array_equal(found, np.broadcast_to(expected, found.shape))
     largest = alone["first"].max(axis=1)
     np.testing.assert_allclose(at[1]["p_glossy"], largest / (largest + np.float32(0.3)), rtol=1e-6)
