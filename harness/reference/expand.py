@@ -1,4 +1,4 @@
-"""Rewrites what the harness adds to shapes (motion, textures in object space) into what Mitsuba understands."""
+"""Rewrites what the harness adds to shapes (displacement, motion, textures) into what Mitsuba understands."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from harness.reference.displaced import become_mesh
+from harness.reference.lights import needs_even_sampling, properties
 from harness.reference.motion import moving_id
-from harness.scene import Scene
+from harness.scene import Scene, Shape
 from harness.scene.motion import moving, screw
 
 # Textures that are functions of the surface point; their plugins take `to_object`, world to canonical object space.
@@ -27,6 +29,8 @@ def expand_shapes(mi: Any, state: Any, scene: Scene) -> None:
         props = state.nodes[index].props
         if "motion" in props:
             del props["motion"]
+        if shape.displacement is not None:
+            become_mesh(mi, props, shape)
         to_object = np.linalg.inv(shape.matrix)
         if number in moves:
             props.set_id(moving_id(number))
@@ -35,6 +39,8 @@ def expand_shapes(mi: Any, state: Any, scene: Scene) -> None:
             _carry(mi, props, pose)
             to_object = to_object @ np.linalg.inv(pose)
         _place_textures(mi, state, index, to_object, moves=number in moves)
+        if needs_even_sampling(shape):
+            _wrap_light(mi, state, index, shape, to_object, moves=number in moves)
 
 
 def _shape_nodes(mi: Any, state: Any) -> Iterator[int]:
@@ -51,6 +57,20 @@ def _carry(mi: Any, props: Any, pose: np.ndarray) -> None:
     if to_world is not None:
         del props["to_world"]
     props["to_world"] = mi.ScalarAffineTransform4d(pose @ before)
+
+
+def _wrap_light(mi: Any, state: Any, index: int, shape: Shape, to_object: np.ndarray, *, moves: bool) -> None:
+    """Put `surface_light` between a shape's area emitter and the texture of its radiance."""
+    for _, emitter in _nested(mi, state, index):
+        if state.nodes[emitter].type == mi.ObjectType.Emitter:
+            texture = dict(_nested(mi, state, emitter))["radiance"]
+            node = mi.parser.SceneNode(state.nodes[texture])
+            props = properties(mi, shape, mi.Properties.ResolvedReference(texture), to_object, moves=moves)
+            props.set_id(f"light {len(state.nodes)}")
+            node.props = props
+            state.nodes.append(node)
+            del state.nodes[emitter].props["radiance"]
+            state.nodes[emitter].props["radiance"] = mi.Properties.ResolvedReference(len(state.nodes) - 1)
 
 
 def _nested(mi: Any, state: Any, index: int) -> list[tuple[str, int]]:

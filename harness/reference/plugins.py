@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from harness.mitsuba_runtime import import_mitsuba
-from harness.reference import phong, procedural, same_algorithm
+from harness.reference import lights, phong, procedural, same_algorithm
 from harness.scene.procedural import KINDS
 
 _registered: set[str] = set()
@@ -30,4 +30,5 @@ def _register_in(mi: Any, variant: str) -> None:
         mi.register_bsdf("phong", phong.plugin_class(mi))
         for kind in KINDS:
             mi.register_texture(kind, procedural.plugin_class(mi))
+        mi.register_texture(lights.PLUGIN, lights.plugin_class(mi))
         mi.register_integrator("bsdf_path", same_algorithm.plugin_class(mi))
