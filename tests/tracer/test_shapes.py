@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -146,6 +147,34 @@ def test_mixed_shapes_are_hit_as_in_mitsuba(mi: Any, scene: Any) -> None:
     kinds = rng.permutation(KINDS * 3)
     body = "\n".join(random_shape(rng, kind, f"shape{i}", flip=False, emits=True) for i, kind in enumerate(kinds))
     assert_same_hits(mi, scene(body), rng)
+
+
+TURN = '<rotate y="0.6" z="0.8" angle="50"/>'
+NESTED = {
+    "turned, stretched, turned": TURN + '<scale x="0.6" y="1.3" z="0.9"/><rotate x="1" angle="-70"/>',
+    "mirrored by a scale": '<scale x="-0.8" y="0.8" z="0.8"/>' + TURN + '<translate x="0.3" y="-0.2" z="0.4"/>',
+    "mirrored twice": '<scale x="-1"/>' + TURN + '<scale y="-1"/>',
+    "through a point": '<scale value="-1.2"/>' + TURN + '<translate z="0.5"/>',
+    "sheared by a matrix": '<matrix value="1 0.4 0 0.1  0 0.8 0.3 0  -0.2 0 1.1 0.2  0 0 0 1"/>' + TURN,
+    "placed by a lookat": '<scale value="0.7"/><lookat origin="0.5, 1, 0.2" target="-1, 0.3, 1" up="0, 1, 0.2"/>',
+    "a lookat stretched": '<lookat origin="0, 1, 0" target="1, 0, 1" up="0, 1, 0"/><scale y="1.5"/>',
+}
+SIMILAR = ("mirrored by a scale", "mirrored twice", "through a point", "placed by a lookat")
+
+
+@pytest.mark.parametrize("name", NESTED)
+def test_operations_nest_as_in_mitsuba(mi: Any, scene: Any, tmp_path: Path, name: str) -> None:
+    """Every shape under several operations, plain and flipped, from the file itself or one that it includes."""
+    def body(kinds: list[str]) -> str:
+        return "\n".join(
+            f'<shape type="{kind}" id="{kind} {flip}"><transform name="to_world">{NESTED[name]}'
+            # Apart along every axis: which of two surfaces in one plane is met is a matter of rounding.
+            f'<translate x="{2 * flip - 1}" y="{0.6 * KINDS.index(kind) - 1.2}" z="{0.37 * KINDS.index(kind) - 0.7}"/>'
+            f'</transform><boolean name="flip_normals" value="{str(flip).lower()}"/></shape>'
+            for kind in kinds for flip in (False, True))
+    kinds = [kind for kind in KINDS if kind != "sphere" or name in SIMILAR]
+    (tmp_path / "part.xml").write_text(f'<scene version="3.0.0">{body(kinds[2:])}</scene>', encoding="utf-8")
+    assert_same_hits(mi, scene(body(kinds[:2]) + '<include filename="part.xml"/>'), np.random.default_rng(3))
 
 
 def exact_cylinder(matrix: np.ndarray, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
