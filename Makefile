@@ -3,10 +3,10 @@ PROFILE ?= quick
 PYTHON ?= python3
 
 .DEFAULT_GOAL := help
-.PHONY: help setup report gallery test bench doctor lint clean
+.PHONY: help setup report gallery test mutants bench calibrate doctor lint clean
 
 help:  ## Show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-9s %s\n", $$1, $$2 }' Makefile
 
 setup:  ## Make .venv, with every package at its locked version, and check the native libraries
 	@$(PYTHON) -I harness/bootstrap.py
@@ -20,8 +20,14 @@ gallery: setup  ## Render the handout's two pictures, 1024 x 1024, with all thei
 test: setup  ## Run every unit test and every tolerance gate
 	.venv/bin/pytest
 
+mutants: setup  ## Seed one-line bugs into the shader and show which gates notice them
+	.venv/bin/harness mutants
+
 bench: setup  ## Compare the speed of the GLSL tracer and Mitsuba in one run
 	.venv/bin/harness bench
+
+calibrate: setup  ## Measure how often the verdicts err, for the report
+	.venv/bin/harness calibrate
 
 doctor: setup  ## Show what this machine has and lacks
 	.venv/bin/harness doctor

@@ -18,7 +18,7 @@ LAYERS = (
     ("estimate", "scene", "metrics", "stats", "mitsuba_runtime", "files", "images"),
     ("tracer", "reference", "exr"),
     ("store", "results", "runs", "studies", "doctor"),
-    ("gates", "mutants", "report", "bench", "gallery", "exhibits"),
+    ("gates", "mutants", "report", "bench", "gallery", "exhibits", "calibration"),
     ("cli", "pytest_plugin"),
     ("__init__", "__main__"),
 )

@@ -10,6 +10,7 @@ import pytest
 
 import harness
 from harness import bench, studies
+from harness import calibration as calibration_module
 from harness.cli import COMMANDS, main
 from harness.cli import report as report_command
 from harness.files import data_dir
@@ -17,6 +18,7 @@ from harness.runs import TOLERANCE
 from harness.scene import Scene, load_scene
 from harness.scene.loader import BSDFS, SHAPES
 from harness.tracer.codegen import STRATEGIES
+from tests.made_calibration import calibration
 
 ROOT = Path(harness.__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -70,6 +72,7 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
                                                    "mitsuba_scenes": scenes}.__getitem__)
     monkeypatch.setitem(studies.PROFILES, "quick", studies.Profile(spp=4, replicas=2, reference_spp=8))
     monkeypatch.setattr(bench, "run", lambda **options: [BENCH_ROW])
+    monkeypatch.setattr(calibration_module, "calibrate", lambda *arguments, **options: calibration())
 
     def small(path: Path) -> Scene:
         return load_scene(path, width=16, height=12)

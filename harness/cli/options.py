@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 SCENE_HASH = "harness.scene"
 # What `harness bench` leaves in the report's folder, and `harness report` takes up there.
 BENCH_FILE = "bench.json"
+# The same of `harness calibrate`.
+CALIBRATION_FILE = "calibration.json"
 # The same of `harness mutants`.
 MUTANTS_FILE = "mutants.json"
 # Largest --spp: the reference's seeds tell this many samples of a replica apart (reference.renderer.START_BITS).

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from harness.cli.options import BENCH_FILE, open_scene, open_store
+from harness.cli.options import BENCH_FILE, CALIBRATION_FILE, open_scene, open_store
 from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError, StoreError
 
 if TYPE_CHECKING:
     from harness.results import Exhibit, StudyResult
     from harness.scene import Scene
+    from harness.stats.calibration import Calibration
     from harness.studies import Profile
 
 # What a study's numbers depend on besides its scene and settings: the code that makes them.
@@ -66,7 +67,7 @@ def report(
         if fresh:
             elapsed["the handout's errors"] = time.perf_counter() - began_exhibits
     pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE), elapsed=elapsed,
-                       exhibits=exhibits)
+                       exhibits=exhibits, calibration=_calibration(output / CALIBRATION_FILE))
     verdicts = {f"{result.scene} {item.strategy}": item.verdict.outcome
                 for result in results for item in result.strategies if item.suits}
     lost = [name for name, outcome in verdicts.items() if outcome != "pass"]
@@ -105,6 +106,19 @@ def _benchmark(path: Path) -> dict[str, Any] | None:
         return None
     try:
         return {"rows": [dataclasses.asdict(row) for row in bench.load(path)]}
+    except StoreError as error:
+        log(f"warning: {error}; the report goes without it")
+        return None
+
+
+def _calibration(path: Path) -> Calibration | None:
+    """What `harness calibrate` left beside the report; None where there is nothing, or nothing readable."""
+    from harness import calibration
+
+    if not path.exists():
+        return None
+    try:
+        return calibration.load(path)
     except StoreError as error:
         log(f"warning: {error}; the report goes without it")
         return None

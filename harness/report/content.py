@@ -160,6 +160,18 @@ class Exhibits:
 
 
 @dataclass(frozen=True)
+class CalibrationChapter:
+    """What is known of the verdicts' own errors: words, false alarms as a table, power as a figure."""
+
+    title: str
+    anchor: str
+    introduction: str
+    remarks: tuple[Remark, ...]
+    alarms: Table
+    power: CurveFigure
+
+
+@dataclass(frozen=True)
 class Document:
     """The whole report. `assets` maps the file names used above to their bytes (PNG and SVG)."""
 
@@ -174,3 +186,4 @@ class Document:
     provenance: tuple[Table, ...]
     assets: dict[str, bytes]
     exhibits: Exhibits | None = None
+    calibration: CalibrationChapter | None = None

@@ -16,6 +16,7 @@ import typst
 
 from harness.errors import HarnessError
 from harness.files import data_dir, require_writable, write_atomically
+from harness.report.calibration import calibration_chapter
 from harness.report.content import SYMBOLS, Document
 from harness.report.exhibits import exhibits_chapter
 from harness.report.html import html_page
@@ -25,6 +26,7 @@ from harness.report.style import font_folder
 from harness.report.tables import verdict_table
 from harness.report.words import reading, summary
 from harness.results import Exhibit, StudyResult
+from harness.stats.calibration import Calibration
 
 TITLE = "GLSL path tracer against Mitsuba 3"
 TEMPLATE = "report.typ"
@@ -34,17 +36,18 @@ PDF_FILE, HTML_FILE, DATA_FILE, FIGURES_FOLDER = "report.pdf", "report.html", "r
 
 def build_report(results: Sequence[StudyResult], output_dir: str | Path, *, profile: str,
                  bench: Mapping[str, Any] | None = None, elapsed: Mapping[str, float] | None = None,
-                 exhibits: Sequence[Exhibit] = ()) -> Path:
+                 exhibits: Sequence[Exhibit] = (), calibration: Calibration | None = None) -> Path:
     """Write `report.pdf`, `report.html`, `report.json` and `figures/` to `output_dir`; returns the PDF's path.
 
     `profile`: the word for how thorough the studies were. `bench`: see `provenance.speed_table`. `elapsed`: wall-clock
-    seconds of the steps before this one, by name. `exhibits`: the handout's errors, if measured. Every file is
-    replaced as a whole. HarnessError without results, for two results of one scene, or where the folder cannot be
-    written.
+    seconds of the steps before this one, by name. `exhibits`: the handout's errors, if measured; `calibration`:
+    the verdicts' own errors, if measured. Every file is replaced as a whole. HarnessError without results, for two
+    results of one scene, or where the folder cannot be written.
     """
     output = Path(output_dir)
     require_writable(output / PDF_FILE)
-    document = compose(results, profile=profile, bench=bench, elapsed=elapsed, exhibits=exhibits)
+    document = compose(results, profile=profile, bench=bench, elapsed=elapsed, exhibits=exhibits,
+                       calibration=calibration)
     pdf = typeset(document)
     figures = {f"{FIGURES_FOLDER}/{name}": content for name, content in document.assets.items()}
     files = {**figures, DATA_FILE: document_json(document, indent=1).encode(),
@@ -59,7 +62,8 @@ def build_report(results: Sequence[StudyResult], output_dir: str | Path, *, prof
 
 
 def compose(results: Sequence[StudyResult], *, profile: str, bench: Mapping[str, Any] | None = None,
-            elapsed: Mapping[str, float] | None = None, exhibits: Sequence[Exhibit] = ()) -> Document:
+            elapsed: Mapping[str, float] | None = None, exhibits: Sequence[Exhibit] = (),
+            calibration: Calibration | None = None) -> Document:
     """The report as plain values, with its images and figures."""
     names = [result.scene for result in results]
     if not results:
@@ -76,12 +80,14 @@ def compose(results: Sequence[StudyResult], *, profile: str, bench: Mapping[str,
         assets |= own
     chapter, own = exhibits_chapter(exhibits)
     assets |= own
+    trust, own = calibration_chapter(calibration)
+    assets |= own
     return Document(
         title=TITLE, subtitle=f"Validation report, {profile} profile", date=_today(), summary=summary(results),
         verdicts=verdict_table(results, anchors), reading=reading(), scenes=tuple(sections),
         speed=speed_table(bench) if bench else None,
         provenance=provenance_tables(results, profile, elapsed or {}), assets=assets,
-        exhibits=chapter)
+        exhibits=chapter, calibration=trust)
 
 
 def document_json(document: Document, indent: int | None = None) -> str:

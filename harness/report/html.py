@@ -11,6 +11,7 @@ from html import escape
 from harness.report.content import (
     SYMBOLS,
     Bar,
+    CalibrationChapter,
     Cell,
     CurveFigure,
     Document,
@@ -83,6 +84,8 @@ def html_page(document: Document) -> str:
     links = "".join(f'<a href="#{scene.anchor}">{escape(scene.name)}</a>' for scene in document.scenes)
     if document.exhibits:
         links += f'<a href="#{document.exhibits.anchor}">{escape(document.exhibits.title)}</a>'
+    if document.calibration:
+        links += f'<a href="#{document.calibration.anchor}">{escape(document.calibration.title)}</a>'
     reading = "".join(f"<dt>{escape(term)}</dt><dd>{_text(text)}</dd>" for term, text in document.reading)
     parts = [
         f"<h1>{escape(document.title)}</h1>",
@@ -92,6 +95,7 @@ def html_page(document: Document) -> str:
         f'<h2 id="reading">How to read this</h2><dl>{reading}</dl>',
         *(_scene(scene, assets) for scene in document.scenes),
         _exhibits(document.exhibits, assets) if document.exhibits else "",
+        _calibration(document.calibration, assets) if document.calibration else "",
         f"<h2>Speed</h2>{_table(document.speed)}" if document.speed else "",
         '<h2 id="provenance">Provenance</h2>', *(_table(table) for table in document.provenance)]
     return (f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -146,6 +150,12 @@ def _exhibit(section: ExhibitSection, assets: dict[str, bytes]) -> str:
         f"<p><b>Instead.</b> {_text(section.advice)}</p>",
         _pictures(section.pictures, assets) if section.pictures else "",
         _curves(section.curves, assets, section.anchor) if section.curves else "", _table(section.findings)))
+
+
+def _calibration(chapter: CalibrationChapter, assets: dict[str, bytes]) -> str:
+    return "\n".join((f'<h2 id="{chapter.anchor}">{escape(chapter.title)}</h2>',
+                      f"<p>{_text(chapter.introduction)}</p>", _remarks(chapter.remarks), _table(chapter.alarms),
+                      _curves(chapter.power, assets, chapter.anchor)))
 
 
 def _text(text: str) -> str:

@@ -83,7 +83,9 @@ def draw(noise: Noise, plan: Plan, rng: np.random.Generator) -> TileSamples:
 def with_gain(samples: TileSamples, gain: float, patch: tuple[int, int, int] | None = None) -> TileSamples:
     """The same, brighter by the relative `gain`, everywhere or in a square patch (first row, first column, side).
 
-    A tile that the patch covers in part is brighter by that part of the gain, as it is where radiance is even.
+    A tile that the patch covers in part is brighter by that part of the gain, as it is where radiance is even. Tiles
+    without noise keep their value: there light is seen directly, which shading does not touch, and any gain would
+    give itself away.
     """
     if patch is None:
         covered = np.ones(samples.means.shape[1:3])
@@ -95,5 +97,6 @@ def with_gain(samples: TileSamples, gain: float, patch: tuple[int, int, int] | N
             for first, length in ((row, samples.height), (column, samples.width))
             for ends in [samples.tile * (1 + np.arange(-(-length // samples.tile)))])
         covered = np.multiply.outer(rows, columns)
-    means = samples.means * (1 + gain * covered[..., None])
+    noisy = (samples.means != samples.means[:1]).any(axis=0)
+    means = samples.means * (1 + gain * covered[..., None] * noisy)
     return TileSamples(means, samples.samples, samples.tile, samples.height, samples.width)

@@ -1,0 +1,156 @@
+"""The calibration: how often verdicts err on made-up estimators and on renders, with light tails and heavy ones."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from harness.errors import StoreError
+from harness.estimate import with_luminance
+from harness.files import data_dir, write_atomically
+from harness.runs import Advance, Progress, quiet, versions
+from harness.scene import load_scene
+from harness.stats.calibration import (
+    NO_TOLERANCE,
+    Calibration,
+    FalseAlarms,
+    Pair,
+    Power,
+    false_alarms,
+    power,
+    together,
+)
+from harness.stats.levels import Looks
+from harness.stats.sequential import Sequence
+from harness.stats.synthetic import NOISES, Plan, draw
+from harness.stats.tiles import TileAccumulator, TileSamples, tile_size
+from harness.tracer.renderer import TracerRenderer
+
+# Side of the images in pixels; tiles of 3 and 12 pixels divide it.
+SIDE = 60
+# Each estimate of a comparison: so many batches of so many samples per pixel. Few: tails are heaviest then.
+BATCHES, SPP = 32, 4
+LOOKS = Looks((BATCHES * SPP // 4, BATCHES * SPP // 2, BATCHES * SPP))
+# Samples per pixel of a batch with which normal samples decide at the default tolerances.
+DECIDING_SPP = 256
+# Comparisons that power is measured on, of those that false alarms are.
+POWER_SHARE = 5
+# First replica of the reference's side: strategies seed by replica alone, so the two sides must not share any.
+REFERENCE_REPLICAS = 1 << 30
+ALL = "all cases"
+
+# Strategy of test and of reference, on scenes without and with rare bright samples.
+RENDERED = (("diffuse", "uniform", "cosine"), ("spheres", "uniform", "mixture"), ("cornell", "uniform", "mixture"))
+SYNTHETIC = (("normal", "normal"), ("fireflies", "normal"), ("fireflies", "fireflies"), ("lognormal", "normal"),
+             ("lognormal", "lognormal"))
+
+Row = TypeVar("Row", FalseAlarms, Power)
+
+
+def calibrate(comparisons: int = 300, progress: Progress = quiet) -> Calibration:
+    """Measure false alarms over so many independent null comparisons of each case, and power over a fifth of them.
+
+    The tracer renders both sides of `RENDERED` anew, with two strategies that have the same mean if both are right.
+    """
+    began = time.perf_counter()
+    cases: dict[str, str] = {}
+    alarms: list[FalseAlarms] = []
+    powers: list[Power] = []
+    samples = BATCHES * SPP
+    with progress((len(SYNTHETIC) + 4 * len(RENDERED) + 2) * comparisons, "calibration") as advance:
+        for number, (ours, theirs) in enumerate(SYNTHETIC):
+            case = f"{ours} / {theirs}"
+            cases[case] = f"synthetic, {samples} samples per pixel"
+            pairs = synthetic_pairs(ours, theirs, SPP, comparisons, number, advance)
+            alarms += false_alarms(case, pairs, LOOKS)
+        for scene, test, reference in RENDERED:
+            case = f"{scene}: {test} / {reference}"
+            cases[case] = f"rendered, {samples} samples per pixel"
+            held: list[Pair] = []
+            pairs = _keeping(rendered_pairs(scene, test, reference, comparisons, advance), held, _subset(comparisons))
+            alarms += false_alarms(case, pairs, LOOKS)
+            powers += power(case, held, Sequence(Looks((samples,)), NO_TOLERANCE), np.random.default_rng(0))
+            advance(2 * comparisons)
+        case = "normal / normal, to a decision"
+        cases[case] = f"synthetic, up to {BATCHES * DECIDING_SPP} samples per pixel"
+        deciding = Looks(tuple(count * DECIDING_SPP // SPP for count in LOOKS.samples))
+        held = list(synthetic_pairs("normal", "normal", DECIDING_SPP, _subset(comparisons), len(SYNTHETIC)))
+        powers += power(case, held, Sequence(deciding), np.random.default_rng(1))
+        advance(2 * comparisons)
+    facts = {**versions(), "comparisons of each case": str(comparisons), "image size": f"{SIDE} x {SIDE}",
+             "batches of each estimate": str(BATCHES), "seconds": f"{time.perf_counter() - began:.0f}"}
+    return Calibration(cases, (*alarms, *together(alarms, ALL)), tuple(powers), facts)
+
+
+def synthetic_pairs(ours: str, theirs: str, spp: int, comparisons: int, seed: int,
+                    advance: Advance = lambda n: None) -> Iterator[Pair]:
+    """Independent estimates of one image by the estimators `ours` and `theirs` of `synthetic.NOISES`."""
+    rng, plan = np.random.default_rng(seed), Plan(SIDE, BATCHES, spp)
+    for _ in range(comparisons):
+        yield draw(NOISES[ours], plan, rng), draw(NOISES[theirs], plan, rng)
+        advance(1)
+
+
+def rendered_pairs(name: str, ours: str, theirs: str, comparisons: int,
+                   advance: Advance = lambda n: None) -> Iterator[Pair]:
+    """Independent estimates of a bundled scene by two strategies of the tracer; every replica is drawn once."""
+    scene = load_scene(data_dir("mitsuba_scenes") / f"{name}.xml", width=SIDE, height=SIDE)
+    renderers = [TracerRenderer(scene, strategy) for strategy in (ours, theirs)]
+    try:
+        for number in range(comparisons):
+            first = number * BATCHES
+            yield (_estimate(renderers[0], first), _estimate(renderers[1], REFERENCE_REPLICAS + first))
+            advance(2)
+    finally:
+        for renderer in renderers:
+            renderer.release()
+
+
+def save(calibration: Calibration, path: Path) -> None:
+    """Write the calibration as JSON, for the report. StoreError when that cannot be written."""
+    with write_atomically(path) as partial:
+        partial.write_text(json.dumps(asdict(calibration), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def load(path: Path) -> Calibration:
+    """The calibration that `save` wrote; StoreError where the file is not one."""
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+        return Calibration(
+            {str(name): str(text) for name, text in held["cases"].items()},
+            tuple(_row(FalseAlarms, row) for row in held["alarms"]), tuple(_row(Power, row) for row in held["powers"]),
+            {str(name): str(text) for name, text in held["facts"].items()})
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise StoreError(f"{path}: not a calibration ({type(error).__name__}: {error}); run `harness calibrate` again"
+                         ) from None
+
+
+def _row(kind: type[Row], held: dict[str, Any]) -> Row:
+    types = {"str": str, "int": int, "float": float, "Where": str}
+    return kind(**{field.name: types[str(field.type)](held[field.name]) for field in fields(kind)})
+
+
+def _estimate(renderer: TracerRenderer, first: int) -> TileSamples:
+    tiles = TileAccumulator(tile_size(SIDE, SIDE))
+    for replica in range(first, first + BATCHES):
+        batch = renderer.render_batch(replica, 0, SPP)
+        tiles.add(with_luminance(batch.mean), batch.samples)
+    return tiles.samples()
+
+
+def _keeping(pairs: Iterator[Pair], kept: list[Pair], count: int) -> Iterator[Pair]:
+    """The pairs as they come; the first `count` stay in `kept`, for all of them would take a quarter of a gigabyte."""
+    for pair in pairs:
+        if len(kept) < count:
+            kept.append(pair)
+        yield pair
+
+
+def _subset(comparisons: int) -> int:
+    return max(1, comparisons // POWER_SHARE)

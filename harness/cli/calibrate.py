@@ -1,0 +1,54 @@
+"""`harness calibrate`: how often the verdicts err, measured on pairs that agree and on pairs that do not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from harness.cli.options import CALIBRATION_FILE
+from harness.cli.output import JsonOption, print_json, print_rich, progress
+
+
+def calibrate(
+    comparisons: Annotated[int, typer.Option(min=20, max=100_000, help="Null comparisons of each case.")] = 300,
+    output: Annotated[Path, typer.Option("--output", "-o", help="JSON file to keep the result in, for the report.")]
+    = Path("reports/out") / CALIBRATION_FILE,
+    json: JsonOption = False,
+) -> int:
+    """Measure how often the verdicts err: false alarms with light and heavy tails, and power.
+
+    Exit status 1 when some rate of false alarms lies above the one that was asked for.
+
+    Example: `harness calibrate --comparisons 300`
+    """
+    from rich.table import Table
+
+    from harness import calibration
+    from harness.files import require_writable
+    from harness.stats.calibration import LEVELS, SUBJECTS
+
+    require_writable(output)
+    result = calibration.calibrate(comparisons, progress=progress)
+    calibration.save(result, output)
+    excessive = [alarms for alarms in result.alarms if alarms.judgement == "excessive"]
+    if json:
+        print_json({"alarms": [{**vars(alarms), "judgement": alarms.judgement} for alarms in result.alarms],
+                    "powers": result.powers, "output": output})
+    else:
+        table = Table(box=None, pad_edge=False)
+        table.add_column("false alarms of")
+        for name in ("at most", *SUBJECTS):
+            table.add_column(name, justify="right")
+        counted = {(alarms.case, alarms.subject, alarms.level): alarms for alarms in result.alarms}
+        for case in dict.fromkeys(alarms.case for alarms in result.alarms):
+            for level in LEVELS:
+                row = [counted[case, subject, level] for subject in SUBJECTS]
+                table.add_row(case, f"{level:.0%}", *(f"{each.rate.value:.1%}" for each in row))
+        print_rich(table)
+        for alarms in excessive:
+            low, high = alarms.rate.interval()
+            print(f"{alarms.case}, {alarms.subject}: {alarms.hits} of {alarms.trials} alarms, {low:.1%} to {high:.1%}, "
+                  f"where {alarms.level:.0%} was asked for")
+    return 1 if excessive else 0

@@ -1,0 +1,126 @@
+"""The report's chapter on the verdicts themselves: how often they raise false alarms, and what they find."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from harness.report import formats
+from harness.report.calibration_figure import calibration_svg
+from harness.report.content import CalibrationChapter, Cell, Column, CurveFigure, Mark, Remark, Table
+from harness.stats.calibration import LEVELS, SUBJECTS, Calibration, FalseAlarms, Power, Rate
+
+TITLE, ANCHOR = "How far the verdicts can be trusted", "calibration"
+FIGURE_FILE = "calibration-power.svg"
+# A gain is called found where the verdict missed it in no more than this share of comparisons.
+MISSED = 0.05
+
+Assets = dict[str, bytes]
+
+
+def calibration_chapter(calibration: Calibration | None) -> tuple[CalibrationChapter | None, Assets]:
+    """The chapter and its figure; nothing where nothing was calibrated."""
+    if calibration is None:
+        return None, {}
+    rendered = sum(text.startswith("rendered") for text in calibration.cases.values())
+    introduction = (
+        "A verdict is worth what its error rates are, so they are measured: on pairs of estimates that have the same "
+        "mean, where every alarm is false, and on the same pairs with a known gain, which should be found. Some "
+        "estimators are made up, with samples that are normal, lognormal (σ = 2), or fireflies (one in 10,000 is 1,000 "
+        f"times as bright); in {formats.plural(rendered, 'case')} the tracer renders a scene with two strategies. An "
+        "image is tested as a whole, in tiles of 1/5 of its side and in tiles of 1/20. Differences are studentized "
+        "with variances from batch means on both sides (Welch), corrected for skewness by Hall's transformation "
+        "(1992), and each tile's variance is at least that of the tiles around, for one that has not seen its rare "
+        "bright sample cannot know of it. Tests share an error rate by Šidák's formula; looks at growing samples share "
+        "it in proportion to the samples drawn.")
+    deciding = _deciding(calibration.powers)
+    svg, names = calibration_svg(calibration.powers)
+    caption = (
+        "What the verdicts make of a gain. Left: of everything, middle: of a square of 1 % of the image at a random "
+        f"place, under the default tolerances (dotted lines), on {deciding} ({calibration.cases[deciding]}). Right: "
+        f"without tolerance, on {formats.words(names)} (the samples of the table); solid of everything that is not "
+        "seen directly, dashed of the square. Bands are 95 % binomial intervals.")
+    chapter = CalibrationChapter(
+        TITLE, ANCHOR, introduction, _remarks(calibration), _table(calibration),
+        CurveFigure(caption, FIGURE_FILE, "Shares of comparisons that passed, and that failed, against the gain"))
+    return chapter, {FIGURE_FILE: svg}
+
+
+def _table(calibration: Calibration) -> Table:
+    counted = {(each.case, each.subject, each.level): each for each in calibration.alarms}
+    cases = list(dict.fromkeys(each.case for each in calibration.alarms))
+    rows: list[tuple[Cell, ...]] = []
+    rules: list[int] = []
+    for case in cases:
+        rules.append(len(rows))
+        for index, level in enumerate(LEVELS):
+            name = (Cell(case, rows=len(LEVELS)),) if index == 0 else ()
+            rows.append((*name, Cell(f"{100 * level:g}"),
+                         *(_alarm_cell(counted[case, subject, level]) for subject in SUBJECTS)))
+    counts = sorted({calibration.cases[case].partition(", ")[2] for case in cases if case in calibration.cases})
+    trials = counted[cases[0], SUBJECTS[0], LEVELS[0]].trials
+    caption = (
+        f"False alarms in percent of {formats.count(trials)} independent null comparisons of each case (test / "
+        "reference), with 95 % binomial intervals (Clopper and Pearson), beside the rate that was asked for at the "
+        "most. Without tolerance, at few samples, where tails are heaviest: "
+        f"{formats.words(counts)}. The verdict is of all "
+        "three tests together; with looks it is taken at a quarter, a half and all of the samples.")
+    columns = (Column("Case", share=1), Column("Asked", "right"),
+               *(Column(subject.capitalize().replace(" ", "\n", 1), "right") for subject in SUBJECTS))
+    return Table(caption, columns, tuple(rows), tuple(rules))
+
+
+def _alarm_cell(alarms: FalseAlarms) -> Cell:
+    low, high = alarms.rate.interval()
+    text = f"{_percent(alarms.rate.value)} [{_percent(low)}, {_percent(high)}]"
+    return Cell(text.replace(" ", formats.NBSP), "fail" if alarms.judgement == "excessive" else "")
+
+
+def _remarks(calibration: Calibration) -> tuple[Remark, ...]:
+    judged = {kind: [each for each in calibration.alarms if each.judgement == kind]
+              for kind in ("excessive", "nominal", "conservative")}
+    total = len(calibration.alarms)
+    mark: Mark = "fail" if judged["excessive"] else "pass"
+    remarks = [Remark(
+        f"Of {formats.plural(total, 'measured rate')} of false alarms {len(judged['excessive'])} lie above what was "
+        f"asked for, the intervals of {len(judged['nominal'])} hold it, and {len(judged['conservative'])} lie below.",
+        mark)]
+    if judged["conservative"]:
+        remarks.append(Remark(
+            "Rates lie below where tests are strict by construction: the variance of a tile is the largest of its own "
+            "and its neighbours', of Student's and Hall's deviates the milder counts, red, green, blue and luminance "
+            "count as four although they share most of their noise, and looks share their rate as if independent."))
+    return (*remarks, *_power_remarks(calibration.powers))
+
+
+def _power_remarks(powers: Sequence[Power]) -> list[Remark]:
+    case = _deciding(powers)
+    mine = [each for each in powers if each.case == case]
+    remarks = []
+    for where, place in (("everywhere", "of everything"), ("patch", "in a square of 1 % of the image")):
+        gains = sorted((each for each in mine if each.where == where and each.gain > 0), key=lambda each: each.gain)
+        known = {each.gain: each for each in gains}
+        tolerance = gains[0].tolerance
+        at = known.get(tolerance)
+        surely = next((each for each in gains if each.gain >= tolerance and each.failed >= (1 - MISSED) * each.trials),
+                      None)
+        text = f"{case}: a gain {place} "
+        if at is not None:
+            low, high = Rate(at.passed, at.trials).interval()
+            text += (f"as large as the tolerance ({formats.percent(tolerance)}) passed in {at.passed} of {at.trials} "
+                     f"comparisons ({_percent(low)} to {_percent(high)} %)")
+        if surely is not None:
+            text += f"; one of {formats.percent(surely.gain)} failed in {surely.failed} of {surely.trials}"
+        remarks.append(Remark(f"{text}."))
+    good = next(each for each in mine if each.gain == 0)
+    remarks.append(Remark(f"{case}: a good render passed in {good.passed} of {good.trials} and failed in "
+                          f"{good.failed}, after {100 * good.share:.0f} % of the budget on average."))
+    return remarks
+
+
+def _deciding(powers: Sequence[Power]) -> str:
+    """The case whose plan has tolerances."""
+    return next(each.case for each in powers if each.tolerance > 0)
+
+
+def _percent(fraction: float) -> str:
+    return formats.number(100 * fraction, 1)

@@ -1,0 +1,68 @@
+"""The chapter on the verdicts' own errors: every number shown, what is too high marked, and the pages whole."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from harness.report import build_report
+from harness.report.calibration import FIGURE_FILE, calibration_chapter
+from harness.report.content import CalibrationChapter
+from harness.results import StudyResult
+from harness.stats.calibration import LEVELS, SUBJECTS
+from tests.made_calibration import calibration
+
+
+def chapter(excessive: int = 0) -> CalibrationChapter:
+    found, assets = calibration_chapter(calibration(excessive))
+    assert found is not None and list(assets) == [FIGURE_FILE]
+    return found
+
+
+def test_nothing_measured_is_no_chapter() -> None:
+    assert calibration_chapter(None) == (None, {})
+
+
+def test_the_table_has_a_rate_with_its_interval_for_every_case_level_and_test() -> None:
+    table = chapter().alarms
+    assert len(table.rows) == 2 * len(LEVELS)
+    first, second = table.rows[:2]
+    assert [cell.text for cell in first[:3]] == ["normal / normal", "5", "5.0\xa0[2.8,\xa08.1]"]
+    assert [cell.text for cell in second[:2]] == ["1", "1.0\xa0[0.2,\xa02.9]"]
+    assert [len(row) for row in table.rows] == [2 + len(SUBJECTS), 1 + len(SUBJECTS)] * 2
+
+
+@pytest.mark.parametrize(("excessive", "mark"), [(0, "pass"), (30, "fail")])
+def test_a_rate_that_is_too_high_is_marked_and_told(excessive: int, mark: str) -> None:
+    found = chapter(excessive)
+    assert found.remarks[0].mark == mark
+    assert f"{int(excessive > 0)} lie above" in found.remarks[0].text
+    assert [cell.mark for row in found.alarms.rows for cell in row].count("fail") == int(excessive > 0)
+
+
+def test_power_is_told_at_the_tolerance_and_where_it_is_sure() -> None:
+    texts = " ".join(remark.text for remark in chapter().remarks).replace("\xa0", " ")
+    assert "(0.200 %) passed in 0 of 60" in texts
+    assert "one of 3.0 % failed in 60 of 60" in texts
+    assert "a good render passed in 60 of 60 and failed in 0, after 75 % of the budget" in texts
+
+
+def test_the_figure_holds_both_outcomes_and_every_case_without_tolerance() -> None:
+    _, assets = calibration_chapter(calibration())
+    texts = re.findall(r"<text[^>]*>(.*?)</text>", assets[FIGURE_FILE].decode())
+    assert {"passed", "failed", "box: a / b"} <= set(texts)
+    assert assets == calibration_chapter(calibration())[1], "the same bytes again"
+
+
+def test_it_stands_in_the_pdf_and_the_page(exact: StudyResult, tmp_path: Path) -> None:
+    build_report([exact], tmp_path, profile="quick", calibration=calibration())
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert '<h2 id="calibration">How far the verdicts can be trusted</h2>' in page
+    assert "5.0\xa0[2.8,\xa08.1]" in page and "normal, to a decision" in page
+    held = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))["calibration"]
+    assert held["alarms"]["caption"] == dataclasses.asdict(chapter())["alarms"]["caption"]
+    assert (tmp_path / "figures" / FIGURE_FILE).is_file() and (tmp_path / "report.pdf").is_file()
