@@ -134,8 +134,8 @@ def matrix(gates: Gates) -> KillMatrix:
     chosen = [mutant for mutant in CATALOGUE if mutant.id in ("display-gamma", "seed-without-replica")]
     return run_mutants([
         seeded(), *chosen,
-        seeded(id="y", file="lib/noise.glsl", line="const float NOISE_UNIT = 1.0 / 16777216.0;  // 2^-24",
-                    replacement="const float NOISE_UNIT = 0.0;")], gates)
+        seeded(id="y", file="lib/motion.glsl", replacement="float path_time = 0.0;",
+               line="float path_time;  // the moment at which the current path sees the scene")], gates)
 
 
 class TestRun:

@@ -41,12 +41,11 @@ def mutants(
     from harness.mutants.catalogue import choose, load_catalogue
     from harness.mutants.runner import Gates, run_mutants, save
 
-    catalogue = load_catalogue()
-    chosen = choose(catalogue, only or [])
+    chosen = choose(load_catalogue(), only or [])
     family = Gates.of(gates, tests)
     require_writable(output)
     store = open_store(cache)
-    matrix = run_mutants(chosen, family, catalogue=catalogue, jobs=min(jobs, len(chosen)),
+    matrix = run_mutants(chosen, family, jobs=min(jobs, len(chosen)),
                          store=store.root if store else None, progress=progress)
     if not only:  # of some mutants alone the report would say that the others survived
         save(matrix, output)

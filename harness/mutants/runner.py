@@ -17,27 +17,29 @@ from typing import Literal
 import numpy as np
 
 from harness.errors import HarnessError, ShaderError
-from harness.estimate import Batch
+from harness.estimate import Batch, with_luminance
 from harness.files import data_dir, shaders_from, write_atomically
 from harness.gates import Gate, References, load_gates
-from harness.gates.references import Run
 from harness.gates.runner import check_gate, run_gate, tracer
 from harness.mutants.catalogue import Mutant, mutated_shaders
 from harness.runs import Progress, quiet
-from harness.stats import sequential
-from harness.stats.levels import Looks
-from harness.stats.tiles import tile_size
+from harness.scene import Scene
+from harness.stats.tiles import TileAccumulator, TileSamples
+from harness.stats.verdicts import bias_verdict
 from harness.store import Store
 from harness.tracer.context import Program
 from harness.tracer.source import assemble
 
 # What a gate says of a mutant. killed: it does not pass; untouched: the pixels of a first batch are the same bits, so
-# the gate's scene has no use for the defect; not run: a test module that no mutant of this file is meant for.
+# the gate's scene has no use for the defect; not run: a test module that is not meant for the mutant.
 State = Literal["killed", "survived", "untouched", "not run"]
 
 # Files of tests whose names begin so are gates as well: what probes say of one function of the shader library.
 MODULE_PREFIX = "test_"
 MODULES_FOLDER = "tracer"
+# Of the samples of a gate's first look, the part that a glance takes.
+GLANCE_SHARE = 8
+
 # pytest's status where the tests ran and one failed, and where all passed.
 TESTS_FAILED, TESTS_PASSED = 1, 0
 
@@ -88,32 +90,29 @@ class KillMatrix:
                      if "killed" in row and row[column[m.killer]] != "killed")
 
 
-def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, catalogue: Sequence[Mutant] = (), jobs: int = 1,
+def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
                 store: Path | None = None, progress: Progress = quiet) -> KillMatrix:
     """Run every gate on every mutant, in `jobs` processes; `store` keeps the references between runs.
 
-    An image gate looks once, at the first of its looks, and goes on to its last only while no other gate has killed
-    the mutant. A test module runs where a mutant of the same file (of `catalogue`, all mutants there are) names it.
+    An image gate glances at an eighth of its first look, which is enough for most defects, and takes all its looks only
+    while no other gate has killed the mutant. A test module runs where the mutant names it as its killer.
 
     HarnessError when a mutant does not apply, does not compile or names a gate that does not exist, and when a gate
     does not pass with the shader as it is: a gate that always fails kills everything.
     """
-    modules: dict[str, set[str]] = {}
-    for mutant in catalogue or mutants:
+    for mutant in mutants:
         if mutant.killer not in gates.names:
             raise HarnessError(f"{mutant.where}: mutant '{mutant.id}' names the gate '{mutant.killer}', which does not "
                                f"exist; choose from {', '.join(gates.names)}")
-        if mutant.killer.startswith(MODULE_PREFIX):
-            modules.setdefault(mutant.file, set()).add(mutant.killer)
+    stems = {module.stem for module in gates.modules}
     rows: list[tuple[State, ...]] = []
     with (tempfile.TemporaryDirectory(prefix="mutants-") as folder, progress(len(mutants) + 1, "mutants") as advance,
           _workers(gates, store, jobs) as pool):
-        needed = {name for mutant in mutants for name in modules.get(mutant.file, ())}
-        for problem in pool.map(_baseline, [sorted(needed)]):  # the first process renders the references for all
-            if problem:
-                raise HarnessError(problem)
+        needed = sorted({mutant.killer for mutant in mutants if mutant.killer in stems})
+        if problem := pool.submit(_baseline, needed, True).result():  # its references are then in the store for all
+            raise HarnessError(problem)
         advance(1)
-        tasks = [(mutant, mutated_shaders(mutant, Path(folder)), sorted(modules.get(mutant.file, ())))
+        tasks = [(mutant, mutated_shaders(mutant, Path(folder)), [mutant.killer] if mutant.killer in stems else [])
                  for mutant in mutants]
         for row in pool.map(_judge, *zip(*tasks, strict=True)):
             rows.append(row)
@@ -121,21 +120,36 @@ def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, catalogue: Sequence[
     return KillMatrix(tuple(mutants), gates.names, tuple(rows))
 
 
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """A gate with what its glance needs: the scene, the right tracer's first batch, all of the reference."""
+
+    gate: Gate
+    scene: Scene
+    right: Batch
+    reference: TileSamples
+
+
 class _Worker:
-    """One process's gates, with what they share between mutants: scenes, references, the right first batches."""
+    """One process's gates, and what they share between mutants."""
 
     def __init__(self, gates: Gates, store: Path | None) -> None:
         self.gates = gates
         self.family = load_gates(gates.file).gates
         self.references = References(Store(store) if store else None)
-        self.right: dict[str, Batch] = {}
+        self._prepared: dict[str, _Prepared] = {}
 
-    def first_batch(self, gate: Gate) -> Batch:
-        """The unmutated tracer's first batch of a gate."""
-        if gate.name not in self.right:
-            with shaders_from(data_dir("glsl")):
-                self.right[gate.name] = _first_batch(gate)
-        return self.right[gate.name]
+    def prepared(self, gate: Gate) -> _Prepared:
+        """The gate, prepared once a process, with the shader as it is."""
+        if gate.name not in self._prepared:
+            scene = check_gate(gate)
+            reference = self.references.of(gate, scene)
+            reference.grow(gate.replicas)
+            made = tracer(gate, scene)
+            right = made.render_batch(0, 0, _glance_spp(gate))
+            made.release()
+            self._prepared[gate.name] = _Prepared(gate, scene, right, reference.tiles(gate.replicas))
+        return self._prepared[gate.name]
 
 
 _worker: _Worker | None = None
@@ -157,15 +171,14 @@ def _start(gates: Gates, store: Path | None) -> None:
     _worker = _Worker(gates, store)
 
 
-def _baseline(modules: Sequence[str]) -> str:
-    """What is wrong with the gates when the shader is right; empty where all pass."""
+def _baseline(modules: Sequence[str], check: bool) -> str:
+    """Prepare the gates; what is wrong with them when the shader is right, where `check` asks, and empty otherwise."""
     worker = _current()
     for gate in worker.family:
-        worker.first_batch(gate)
-        outcome = run_gate(gate, worker.references).outcome
-        if outcome != "pass":
-            return f"{gate.origin}: gate '{gate.name}' says {outcome} of the shader as it is; mend that first"
-    for module in modules:
+        worker.prepared(gate)
+        if check and not _passes(gate, worker.references):
+            return f"{gate.origin}: gate '{gate.name}' does not pass with the shader as it is; mend that first"
+    for module in modules if check else ():
         if _run_module(worker.gates, module) != "survived":
             return f"{module}: fails with the shader as it is; mend that first"
     return ""
@@ -174,47 +187,48 @@ def _baseline(modules: Sequence[str]) -> str:
 def _judge(mutant: Mutant, shaders: Path, modules: Sequence[str]) -> tuple[State, ...]:
     """One row of the matrix."""
     worker = _current()
+    prepared = [worker.prepared(gate) for gate in worker.family]  # while the shader is as it should be
     row: dict[str, State] = dict.fromkeys(worker.gates.names, "not run")
-    touched: list[Gate] = []
     with shaders_from(shaders):
         _require_compilable(mutant)
-        for module in modules:
-            row[module] = _run_module(worker.gates, module)
-        for gate in worker.family:
+        for each in prepared:
             try:
-                row[gate.name] = _glance(gate, worker)
+                row[each.gate.name] = _glance(each)
             except ShaderError as error:
                 raise HarnessError(f"{mutant.where}: mutant '{mutant.id}' does not compile: {error}") from None
-            if row[gate.name] == "survived":
-                touched.append(gate)
-        for gate in touched:
+        for module in modules:
+            row[module] = _run_module(worker.gates, module)
+        touched = [gate for gate in worker.family if row[gate.name] == "survived"]
+        for gate in sorted(touched, key=lambda gate: gate.name != mutant.killer):
             if "killed" in row.values():
                 break
             row[gate.name] = "survived" if _passes(gate, worker.references) else "killed"
     return tuple(row[name] for name in worker.gates.names)
 
 
-def _glance(gate: Gate, worker: _Worker) -> State:
-    """A gate's first look at the shader of the moment, where it draws other pixels than the right one."""
-    right, found = worker.first_batch(gate), _first_batch(gate)
-    if found.rejected == right.rejected and np.array_equal(found.mean, right.mean):
-        return "untouched"
-    return "killed" if found.rejected > right.rejected or _fails_at_once(gate, worker.references) else "survived"
-
-
-def _fails_at_once(gate: Gate, references: References) -> bool:
-    """Whether the first of a gate's looks ends it with a fail."""
-    scene = check_gate(gate)
-    theirs, made = references.of(gate, scene), tracer(gate, scene)
+def _glance(prepared: _Prepared) -> State:
+    """What a gate says of the shader of the moment from a few samples: enough for most defects."""
+    gate, spp = prepared.gate, _glance_spp(prepared.gate)
+    made = tracer(gate, prepared.scene)
     try:
-        ours, replicas = Run(made, gate.spp, tile_size(scene.height, scene.width)), gate.looks[0]
-        ours.grow(replicas)
-        theirs.grow(replicas)
-        looks = Looks(tuple(gate.spp * count for count in gate.looks))
-        sequence = sequential.Sequence(looks, gate.tolerance, gate.fail_level, gate.pass_level)
-        return sequence.decide(0, ours.tiles(replicas), theirs.tiles(replicas)).outcome == "fail"
+        found = made.render_batch(0, 0, spp)
+        if found.rejected == prepared.right.rejected and np.array_equal(found.mean, prepared.right.mean):
+            return "untouched"
+        if found.rejected > gate.not_finite * found.mean.size:
+            return "killed"
+        tiles = TileAccumulator(prepared.reference.tile)
+        tiles.add(with_luminance(found.mean), spp)
+        for replica in range(1, gate.looks[0]):
+            tiles.add(with_luminance(made.render_batch(replica, 0, spp).mean), spp)
+        verdict = bias_verdict(tiles.samples(), prepared.reference, gate.tolerance, fail_level=gate.fail_level)
+        return "killed" if verdict.outcome == "fail" else "survived"
     finally:
         made.release()
+
+
+def _glance_spp(gate: Gate) -> int:
+    """Samples per pixel of each replica at a glance."""
+    return max(1, gate.spp // GLANCE_SHARE)
 
 
 def _passes(gate: Gate, references: References) -> bool:
@@ -223,14 +237,6 @@ def _passes(gate: Gate, references: References) -> bool:
         return run_gate(gate, references).outcome == "pass"
     except HarnessError:
         return False
-
-
-def _first_batch(gate: Gate) -> Batch:
-    renderer = tracer(gate, check_gate(gate))
-    try:
-        return renderer.render_batch(0, 0, gate.spp)
-    finally:
-        renderer.release()
 
 
 def _require_compilable(mutant: Mutant) -> None:
