@@ -13,6 +13,7 @@ from scipy import stats
 
 from harness.estimate import Batch, Estimate, merge
 from harness.scene import Camera, Material, Scene, Shape, load_scene
+from harness.scene.model import RGB, Checkerboard, Procedural, Varying
 from harness.tracer.renderer import STRATEGIES, TracerRenderer, suitable_strategies
 
 SCENES = Path(__file__).parents[1] / "mitsuba_scenes"
@@ -111,6 +112,26 @@ def test_a_closed_furnace_is_a_geometric_series(max_depth: int) -> None:
 def test_a_closed_furnace_with_uniform_sampling() -> None:
     """The same answer from weights 2 cos θ, multiplied along eight vertices."""
     assert_answer(estimate(CUBE, "uniform", 512, np.ones((24, 24), dtype=bool)), cube_answer(8), 1e-3)
+
+
+def constant_textures(color: RGB) -> list[Varying]:
+    """Textures of one colour in each of their parts."""
+    turned = ((0.0, 2.0, 0.1), (-3.0, 0.0, 0.2), (0.0, 0.0, 1.0))
+    return [Checkerboard(color, color, turned),
+            Procedural("marble", (color, color, color), 3, 2.0, 0.5, 2.0, 1.0, 7, IDENTITY)]
+
+
+@pytest.mark.parametrize("number", [0, 1], ids=["checkerboard", "marble"])
+def test_a_closed_furnace_with_textures_of_one_colour(number: int) -> None:
+    """furnace_cube again: where a texture has one value, albedo and light are as if they were constants."""
+    walls = CUBE.shapes[0]
+    albedo, emission = walls.material.kd, walls.emission
+    assert isinstance(albedo, tuple) and isinstance(emission, tuple)
+    material = dataclasses.replace(walls.material, kd=constant_textures(albedo)[number])
+    textured = dataclasses.replace(walls, material=material, emission=constant_textures(emission)[number])
+    scene = dataclasses.replace(CUBE, shapes=(textured,))
+    found = estimate(scene, "cosine", 64, np.ones((24, 24), dtype=bool))
+    np.testing.assert_allclose(found.image_mean[:3], cube_answer(8), rtol=EXACT)
 
 
 PLATES = load_scene(SCENES / "furnace_phong.xml", width=40, height=40)
