@@ -70,8 +70,9 @@ def test_the_page_holds_every_word(study: StudyResult) -> None:
     """Code escaped and unwrapped, the compiler's message, effect and advice, each number in its unit."""
     page = html_page(compose([study], profile="quick", exhibits=[EXHIBIT, MAPS]))
     for words in ("<pre>a / (PI * PI)\nb &lt; c</pre>", "course/first.glsl:3: no",
-                  "Too bright by −57\u00a0% &amp; more.", "Integrate it.", f'href="#{ANCHOR}"', 'href="#exhibit-first"', 'id="exhibit-first"', "0.637",
-                  "−0.440\u00a0%", "65\u00a0%", "1,081,287", "does not compile", "glsl/course/first.glsl"):
+                  "Too bright by −57\u00a0% &amp; more.", "Integrate it.", f'href="#{ANCHOR}"',
+                  'href="#exhibit-first"', 'id="exhibit-first"', "0.637", "−0.440\u00a0%", "65\u00a0%", "1,081,287",
+                  "does not compile", "glsl/course/first.glsl"):
         assert words in page
     assert page.count("A pdf over &lt;π²&gt;") >= 2
 
