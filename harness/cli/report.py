@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from harness.cli.options import BENCH_FILE, CALIBRATION_FILE, open_scene, open_store
+from harness.cli.options import BENCH_FILE, CALIBRATION_FILE, MUTANTS_FILE, open_scene, open_store
 from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError, StoreError
 
@@ -67,7 +67,8 @@ def report(
         if fresh:
             elapsed["the handout's errors"] = time.perf_counter() - began_exhibits
     pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE), elapsed=elapsed,
-                       exhibits=exhibits, calibration=_calibration(output / CALIBRATION_FILE))
+                       exhibits=exhibits, calibration=_calibration(output / CALIBRATION_FILE),
+                       mutants=_mutants(output / MUTANTS_FILE))
     verdicts = {f"{result.scene} {item.strategy}": item.verdict.outcome
                 for result in results for item in result.strategies if item.suits}
     lost = [name for name, outcome in verdicts.items() if outcome != "pass"]
@@ -96,6 +97,15 @@ def _open_all(paths: Sequence[Path]) -> list[Scene]:
         named[scene.name] = path
         loaded.append(scene)
     return loaded
+
+
+def _mutants(path: Path) -> dict[str, Any] | None:
+    """What `harness mutants` left beside the report; None where there is nothing, or nothing readable."""
+    try:
+        return dict(json_module.loads(path.read_text(encoding="utf-8"))) if path.exists() else None
+    except (OSError, ValueError, TypeError) as error:
+        log(f"warning: {path}: not a kill matrix ({error}); the report goes without it")
+        return None
 
 
 def _benchmark(path: Path) -> dict[str, Any] | None:

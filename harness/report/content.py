@@ -172,6 +172,18 @@ class CalibrationChapter:
 
 
 @dataclass(frozen=True)
+class MutantsChapter:
+    """Seeded bugs: words, what each gate killed, and what became of each mutant."""
+
+    title: str
+    anchor: str
+    introduction: str
+    remarks: tuple[Remark, ...]
+    gates: Table
+    mutants: Table
+
+
+@dataclass(frozen=True)
 class Document:
     """The whole report. `assets` maps the file names used above to their bytes (PNG and SVG)."""
 
@@ -187,3 +199,4 @@ class Document:
     assets: dict[str, bytes]
     exhibits: Exhibits | None = None
     calibration: CalibrationChapter | None = None
+    mutants: MutantsChapter | None = None

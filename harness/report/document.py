@@ -20,6 +20,7 @@ from harness.report.calibration import calibration_chapter
 from harness.report.content import SYMBOLS, Document
 from harness.report.exhibits import exhibits_chapter
 from harness.report.html import html_page
+from harness.report.mutants import mutants_chapter
 from harness.report.provenance import provenance_tables, speed_table
 from harness.report.sections import Assets, scene_section, shared_assets
 from harness.report.style import font_folder
@@ -36,18 +37,20 @@ PDF_FILE, HTML_FILE, DATA_FILE, FIGURES_FOLDER = "report.pdf", "report.html", "r
 
 def build_report(results: Sequence[StudyResult], output_dir: str | Path, *, profile: str,
                  bench: Mapping[str, Any] | None = None, elapsed: Mapping[str, float] | None = None,
-                 exhibits: Sequence[Exhibit] = (), calibration: Calibration | None = None) -> Path:
+                 exhibits: Sequence[Exhibit] = (), calibration: Calibration | None = None,
+                 mutants: Mapping[str, Any] | None = None) -> Path:
     """Write `report.pdf`, `report.html`, `report.json` and `figures/` to `output_dir`; returns the PDF's path.
 
     `profile`: the word for how thorough the studies were. `bench`: see `provenance.speed_table`. `elapsed`: wall-clock
     seconds of the steps before this one, by name. `exhibits`: the handout's errors, if measured; `calibration`:
-    the verdicts' own errors, if measured. Every file is replaced as a whole. HarnessError without results, for two
+    the verdicts' own errors, if measured; `mutants`: see `mutants.mutants_chapter`. Every file is replaced as a whole.
+    HarnessError without results, for two
     results of one scene, or where the folder cannot be written.
     """
     output = Path(output_dir)
     require_writable(output / PDF_FILE)
     document = compose(results, profile=profile, bench=bench, elapsed=elapsed, exhibits=exhibits,
-                       calibration=calibration)
+                       calibration=calibration, mutants=mutants)
     pdf = typeset(document)
     figures = {f"{FIGURES_FOLDER}/{name}": content for name, content in document.assets.items()}
     files = {**figures, DATA_FILE: document_json(document, indent=1).encode(),
@@ -63,7 +66,7 @@ def build_report(results: Sequence[StudyResult], output_dir: str | Path, *, prof
 
 def compose(results: Sequence[StudyResult], *, profile: str, bench: Mapping[str, Any] | None = None,
             elapsed: Mapping[str, float] | None = None, exhibits: Sequence[Exhibit] = (),
-            calibration: Calibration | None = None) -> Document:
+            calibration: Calibration | None = None, mutants: Mapping[str, Any] | None = None) -> Document:
     """The report as plain values, with its images and figures."""
     names = [result.scene for result in results]
     if not results:
@@ -87,7 +90,7 @@ def compose(results: Sequence[StudyResult], *, profile: str, bench: Mapping[str,
         verdicts=verdict_table(results, anchors), reading=reading(), scenes=tuple(sections),
         speed=speed_table(bench) if bench else None,
         provenance=provenance_tables(results, profile, elapsed or {}), assets=assets,
-        exhibits=chapter, calibration=trust)
+        exhibits=chapter, calibration=trust, mutants=mutants_chapter(mutants))
 
 
 def document_json(document: Document, indent: int | None = None) -> str:

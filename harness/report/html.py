@@ -17,6 +17,7 @@ from harness.report.content import (
     Document,
     Exhibits,
     ExhibitSection,
+    MutantsChapter,
     Picture,
     PictureFigure,
     Remark,
@@ -86,6 +87,8 @@ def html_page(document: Document) -> str:
         links += f'<a href="#{document.exhibits.anchor}">{escape(document.exhibits.title)}</a>'
     if document.calibration:
         links += f'<a href="#{document.calibration.anchor}">{escape(document.calibration.title)}</a>'
+    if document.mutants:
+        links += f'<a href="#{document.mutants.anchor}">{escape(document.mutants.title)}</a>'
     reading = "".join(f"<dt>{escape(term)}</dt><dd>{_text(text)}</dd>" for term, text in document.reading)
     parts = [
         f"<h1>{escape(document.title)}</h1>",
@@ -96,6 +99,7 @@ def html_page(document: Document) -> str:
         *(_scene(scene, assets) for scene in document.scenes),
         _exhibits(document.exhibits, assets) if document.exhibits else "",
         _calibration(document.calibration, assets) if document.calibration else "",
+        _mutants(document.mutants) if document.mutants else "",
         f"<h2>Speed</h2>{_table(document.speed)}" if document.speed else "",
         '<h2 id="provenance">Provenance</h2>', *(_table(table) for table in document.provenance)]
     return (f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -156,6 +160,12 @@ def _calibration(chapter: CalibrationChapter, assets: dict[str, bytes]) -> str:
     return "\n".join((f'<h2 id="{chapter.anchor}">{escape(chapter.title)}</h2>',
                       f"<p>{_text(chapter.introduction)}</p>", _remarks(chapter.remarks), _table(chapter.alarms),
                       _curves(chapter.power, assets, chapter.anchor)))
+
+
+def _mutants(chapter: MutantsChapter) -> str:
+    return "\n".join((f'<h2 id="{chapter.anchor}">{escape(chapter.title)}</h2>',
+                      f"<p>{_text(chapter.introduction)}</p>", _remarks(chapter.remarks), _table(chapter.gates),
+                      _table(chapter.mutants)))
 
 
 def _text(text: str) -> str:

@@ -1,0 +1,88 @@
+"""The report's chapter on seeded bugs: which gates noticed which of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from harness.errors import StoreError
+from harness.report import formats
+from harness.report.content import Cell, Column, MutantsChapter, Remark, Table
+
+TITLE, ANCHOR = "Bugs that must die", "mutants"
+# Of the gates that killed a mutant, the table names so many.
+NAMED = 3
+
+
+def mutants_chapter(matrix: Mapping[str, Any] | None) -> MutantsChapter | None:
+    """The chapter, from what `harness mutants` writes; None where there is nothing.
+
+    StoreError when `matrix` is not of that form.
+    """
+    if matrix is None:
+        return None
+    try:
+        gates, mutants = list(matrix["gates"]), list(matrix["mutants"])
+        ran = [gate for gate in gates if any(each["states"][gate] != "not run" for each in mutants)]
+        introduction = (
+            f"{formats.plural(len(mutants), 'one-line defect')} of the shader, each with where it was seen: in the "
+            "handout, in a bug report of a public renderer, or made small on purpose, to measure how small a defect "
+            "may be. Each was put into the shader by itself, and the gates were run. A gate that passes tells little; that "
+            "it fails when it should, is what this chapter shows. Image gates compare renders with the reference; "
+            "test modules evaluate one function of the shader library.")
+        return MutantsChapter(TITLE, ANCHOR, introduction, _remarks(matrix, mutants), _gates(ran, mutants),
+                              _mutants(gates, mutants))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise StoreError(f"mutants' results: {type(error).__name__} at {error}; run `harness mutants` again") from error
+
+
+def _remarks(matrix: Mapping[str, Any], mutants: Sequence[Mapping[str, Any]]) -> tuple[Remark, ...]:
+    survivors, idle = list(matrix["survivors"]), list(matrix["idle"])
+    killed = len(mutants) - len(survivors)
+    remarks = [Remark(f"{killed} of {formats.plural(len(mutants), 'mutant')} killed.", "fail" if survivors else "pass")]
+    if survivors:
+        remarks.append(Remark(f"Not noticed by any gate: {formats.words(survivors)}.", "fail"))
+    if idle:
+        remarks.append(Remark(f"Gates that killed nothing: {formats.words(idle)}.", "warning"))
+    return tuple(remarks)
+
+
+def _gates(gates: Sequence[str], mutants: Sequence[Mapping[str, Any]]) -> Table:
+    rows = []
+    for gate in gates:
+        states = [each["states"][gate] for each in mutants]
+        alone = sum(each["states"][gate] == "killed" and list(each["states"].values()).count("killed") == 1
+                    for each in mutants)
+        rows.append((Cell(gate), *(Cell(formats.count(states.count(state)) if states.count(state) else formats.MISSING)
+                                   for state in ("killed", "survived", "untouched")),
+                     Cell(formats.count(alone) if alone else formats.MISSING)))
+    caption = ("What each gate makes of the mutants. Survived: it saw other pixels and did not object, which many "
+               "gates need not do, for a small defect is left to the gate that is meant for it. Untouched: the defect "
+               "lies in code that the gate's scene does not use. Alone: killed by no other gate.")
+    columns = (Column("Gate", share=1), Column("Killed", "right"), Column("Survived", "right"),
+               Column("Untouched", "right"), Column("Alone", "right"))
+    return Table(caption, columns, tuple(rows))
+
+
+def _mutants(gates: Sequence[str], mutants: Sequence[Mapping[str, Any]]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    rules: list[int] = []
+    topic = ""
+    for each in mutants:
+        if each["topic"] != topic:
+            topic = each["topic"]
+            rules.append(len(rows))
+        killers = [gate for gate in gates if each["states"][gate] == "killed"]
+        rows.append((Cell(each["id"]), Cell(each["imitates"]), Cell(each["origin"]), _killers(killers, each["killer"])))
+    caption = ("All mutants, by the part of the shader: what each imitates, where it was seen, and which gates killed "
+               "it, first the one that the catalogue expects.")
+    return Table(caption, (Column("Mutant"), Column("Imitates", share=3), Column("Origin", share=3),
+                           Column("Killed by", share=2)), tuple(rows), tuple(rules))
+
+
+def _killers(killers: Sequence[str], expected: str) -> Cell:
+    if not killers:
+        return Cell("nothing", "fail")
+    ordered = sorted(killers, key=lambda gate: gate != expected)
+    more = len(ordered) - NAMED
+    return Cell(", ".join(ordered[:NAMED]) + (f" and {more} more" if more > 0 else ""), "pass")
