@@ -48,6 +48,11 @@ class TestOutcome:
         assert result.test.samples == 64
         assert "the budget of 64 x 1 samples per pixel has ended" in result.reason
 
+    def test_looks_share_the_error_rates(self, gate: Gate) -> None:
+        looks = run_gate(gate, renderer=Noise(gate.tolerance.mean)).looks
+        assert sum(look.verdict.mean.pass_level for look in looks) == pytest.approx(gate.pass_level)
+        assert sum(look.verdict.mean.fail_level for look in looks) == pytest.approx(gate.fail_level / 3, rel=0.01)
+
     def test_samples_that_are_not_finite_fail_unless_allowed(self, gate: Gate) -> None:
         class Rejecting(NoiseRenderer):
             def render_batch(self, *arguments: object, **options: object) -> Batch:  # type: ignore[override]
@@ -130,11 +135,13 @@ class TestReference:
     ) -> None:
         """And not at all in a second run, for it is kept. Looks see as many of its replicas as of the test's."""
         calls: list[tuple[int, int, int]] = []
+        made: list[object] = []
 
         class Fake(NoiseRenderer):
             def __init__(self, scene: object) -> None:
                 super().__init__(0.5, 0.01, (40, 40))
                 self.calls = calls
+                made.append(self)
 
         monkeypatch.setattr("harness.gates.references.ReferenceRenderer", Fake)
         gates_file = write(tmp_path, GATES.replace("{ value = [0.5, 0.5, 0.5] }", "{ spp = 4 }"))
@@ -143,6 +150,7 @@ class TestReference:
         first = run_gate(gate, references, renderer=Noise())
         run_gate(dataclasses.replace(gate, strategy="uniform"), references, renderer=Noise())
         assert calls == [(replica, 0, 4) for replica in range(16)]
+        assert len(made) == 1
         assert first.looks[0].reference_samples == 64
         run_gate(gate, References(Store(tmp_path / "store")), renderer=Noise(gate.tolerance.mean))
         assert calls == [(replica, 0, 4) for replica in range(64)]
