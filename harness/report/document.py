@@ -44,8 +44,7 @@ def build_report(results: Sequence[StudyResult], output_dir: str | Path, *, prof
     `profile`: the word for how thorough the studies were. `bench`: see `provenance.speed_table`. `elapsed`: wall-clock
     seconds of the steps before this one, by name. `exhibits`: the handout's errors, if measured; `calibration`:
     the verdicts' own errors, if measured; `mutants`: see `mutants.mutants_chapter`. Every file is replaced as a whole.
-    HarnessError without results, for two
-    results of one scene, or where the folder cannot be written.
+    HarnessError without results, for two results of one scene, or where the folder cannot be written.
     """
     output = Path(output_dir)
     require_writable(output / PDF_FILE)

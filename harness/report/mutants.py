@@ -27,8 +27,8 @@ def mutants_chapter(matrix: Mapping[str, Any] | None) -> MutantsChapter | None:
         introduction = (
             f"{formats.plural(len(mutants), 'one-line defect')} of the shader, each with where it was seen: in the "
             "handout, in a bug report of a public renderer, or made small on purpose, to measure how small a defect "
-            "may be. Each was put into the shader by itself, and the gates were run. A gate that passes tells little; that "
-            "it fails when it should, is what this chapter shows. Image gates compare renders with the reference; "
+            "may be. Each was put into the shader by itself, and the gates were run. A gate that passes tells little; "
+            "that it fails when it should, is what this chapter shows. Image gates compare renders with the reference; "
             "test modules evaluate one function of the shader library.")
         return MutantsChapter(TITLE, ANCHOR, introduction, _remarks(matrix, mutants), _gates(ran, mutants),
                               _mutants(gates, mutants))
