@@ -62,7 +62,7 @@ def _page(results: Sequence[dict[str, Any]], folder: Path) -> str:
     sections = "\n".join(_section(result, folder) for result in results
                          if result["outcome"] != "pass" or (folder / result["gate"] / PICTURES[0]).exists())
     heads = "".join(f'<th class="n">{head}</th>' for head in (
-        "mean error", "interval", "tolerance", "sure to fail from", "in a tile", "samples / pixel", "s"))
+        "mean error", "interval", "tolerance", "sure to fail from", "in the noisiest tile", "samples / pixel", "s"))
     return (f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>Gates</title>\n'
             f"<style>{_STYLE}</style>\n</head>\n<body>\n<main>\n<h1>Gates</h1>\n<p>{escape(counted(results))}</p>\n"
             f'<div class="scroll"><table>\n<tr><th>gate</th><th>outcome</th>{heads}<th>why this tolerance</th></tr>\n'
