@@ -20,23 +20,23 @@ from harness.scene import Scene, load_scene
 from harness.tracer.renderer import TracerRenderer
 
 BATCHES = 32
-# All comparisons of this file together raise a false alarm in one of a thousand changes of the seeds.
+# All comparisons of this file together raise a false alarm in one of a hundred changes of the seeds.
 COMPARISONS = 100
-LIMIT = stats.t.isf(1e-3 / (2 * COMPARISONS), BATCHES - 1)
+LIMIT = stats.t.isf(1e-2 / (2 * COMPARISONS), BATCHES - 1)
 # Largest relative standard error at which a comparison still means something.
-RESOLUTION = 1.5e-3
+RESOLUTION = 2.5e-3
 # Of an answer without noise: what float32 leaves of sums and of a patch that is not a point.
 EXACT = 1e-5
 KD = np.array([0.8, 0.6, 0.4])
 RADIANCE = np.array([2.0, 3.0, 5.0])
-SPP = {"tracer": 2048, "mitsuba": 384}  # per batch
+SPP = {"tracer": 1024, "mitsuba": 192}  # per batch
 # Looks down at the origin of the floor z = 0; a pixel sees a hundredth of a unit.
 SENSOR = """<sensor type="perspective"><transform name="to_world"><lookat origin="0, 0, {height}" target="0, 0, 0"
     up="0, 1, 0"/></transform><float name="fov" value="{fov}"/><film type="hdrfilm"><integer name="width" value="8"/>
     <integer name="height" value="8"/><rfilter type="box"/></film></sensor>"""
 FLOOR = """<shape type="rectangle"><transform name="to_world"><scale value="30"/></transform><bsdf type="diffuse">
     <rgb name="reflectance" value="0.8, 0.6, 0.4"/></bsdf></shape>"""
-CELLS = 384  # along either side of a surface that is integrated by cells
+CELLS = 256  # along either side of a surface that is integrated by cells
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 EMITTER = '<emitter type="area"><rgb name="radiance" value="2, 3, 5"/></emitter>'
 
@@ -283,7 +283,7 @@ def cell_factors(surface: Surface, inside: tuple[float, float, float]) -> np.nda
 ], ids=["ellipse", "sphere", "tube", "rectangle"])
 def test_formulas_agree_with_quadrature(factor: float, surface: Surface, inside: tuple[float, float, float]) -> None:
     """What the renderers are held against is itself checked by another way."""
-    assert cell_factors(surface, inside).sum() == pytest.approx(factor, rel=2e-4)
+    assert cell_factors(surface, inside).sum() == pytest.approx(factor, rel=4e-4)
 
 
 def test_a_cubes_factor_is_that_of_its_faces() -> None:
@@ -295,7 +295,7 @@ def test_a_cubes_factor_is_that_of_its_faces() -> None:
                 points = np.insert(np.stack([2 * u - 1, 2 * v - 1], -1), axis, side, axis=-1)
                 return points @ NESTED_MATRIX[:3, :3].T + NESTED_MATRIX[:3, 3]
             total += cell_factors(face, tuple(NESTED_MATRIX[:3, 3])).sum()
-    assert total == pytest.approx(cube_factor(NESTED_MATRIX), rel=2e-4)
+    assert total == pytest.approx(cube_factor(NESTED_MATRIX), rel=4e-4)
 
 
 def around(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -345,15 +345,14 @@ def test_irradiance_from_a_chequered_light(tmp_path: Path, kind: str, renderer: 
     colors = np.array([[1.0, 0.3, 0.2], [0.2, 0.6, 1.0]])
     board = (f'<emitter type="area"><texture type="checkerboard" name="radiance">'
              f'<rgb name="color0" value="{", ".join(map(str, colors[0]))}"/>'
-             f'<rgb name="color1" value="{", ".join(map(str, colors[1]))}"/>'
-             '<transform name="to_uv"><scale x="2" y="3"/></transform></texture></emitter>')
+             f'<rgb name="color1" value="{", ".join(map(str, colors[1]))}"/>'             '</texture></emitter>')
     u, v = np.meshgrid(*[(np.arange(CELLS) + 0.5) / CELLS] * 2)
-    same_half = (2 * u % 1 < 0.5) == (3 * v % 1 < 0.5)
+    same_half = (u < 0.5) == (v < 0.5)
     factors = np.zeros(2)
     for face in BY_UV[kind]:
         inside = place[:3, 3] + place[:3, 2] * {"cylinder": 0.5, "disk": -1, "rectangle": -1}.get(kind, 0)
         cells = cell_factors(lambda u, v, face=face: face(u, v) @ place[:3, :3].T + place[:3, 3], tuple(inside))
         factors += cells[same_half].sum(), cells[~same_half].sum()
     shape = light(kind, operations).replace(EMITTER, board)
-    found = measure(write(tmp_path, FLOOR + shape), renderer, 2 * SPP[renderer])
+    found = measure(write(tmp_path, FLOOR + shape), renderer, SPP[renderer])
     assert_answer(found, KD * (factors @ colors))
