@@ -15,8 +15,9 @@
 // proves the stretch behind it free by a parabola of its own, or else it goes back: Keinert et al. 2014, "Enhanced
 // Sphere Tracing", section 3.1, with parabolas for spheres. That saves another 40 % of the steps.
 //
-// The scene's generated code defines DISPLACED_SPHERES, their number, MAX_MARCH_STEPS, and the functions declared below
-// (harness/tracer/displaced.py); how the bounds are found stands in harness/scene/displaced.py.
+// The scene's generated code defines DISPLACED_SPHERES, their number, MAX_MARCH_STEPS, whether any colour ramp HAS_CORNERS
+// or any wood HAS_RINGS, and the functions declared below (harness/tracer/displaced.py); how the bounds are found stands
+// in harness/scene/displaced.py.
 #ifndef LIB_DISPLACED
 #define LIB_DISPLACED
 
@@ -41,10 +42,11 @@ struct DisplacedSphere {
 };
 
 // The surface in one direction: r, the slope dr/dt of the colour ramp there, the least and the greatest that it has
-// anywhere, the gradient of t along the direction, and the angle to the axis of wood's rings.
+// anywhere, how far t is from where the slope changes, the gradient of t along the direction, and the angle to the axis of
+// wood's rings.
 struct Relief {
     float r;
-    float slope, least, greatest;
+    float slope, least, greatest, room;
     vec3 gradient;
     float axis;
 };
@@ -127,13 +129,36 @@ void approach(vec3 o, vec3 d)
 float parabola_reach(float height, float rise, float bend)
 {
     float root = sqrt(max(rise * rise + 2.0 * bend * height, 0.0));
-    return rise < 0.0 ? 2.0 * height / (root - rise) : (rise + root) / bend;  // neither form cancels
+    bool down = rise < 0.0;  // neither form of the solution cancels; one division for both
+    return (down ? 2.0 * height : rise + root) / (down ? root - rise : bend);
 }
 
 // The bound on |f''| where the angle turns by at most `turn` in a unit of x; not 0, since it divides.
 float march_bend(float bend, float turn, float per_lowest)
 {
     return (bend * turn + (2.0 * march.sphere.slope + march.b) * per_lowest) * turn + 1e-6;
+}
+
+// How far the ray is certain to meet nothing, ahead for way = 1 and behind for way = -1.
+float certain_reach(float height, float way, float cosine, float t_slope, Relief here, float turn, float per_lowest)
+{
+    float outwards = way * march.side;
+    float bend = march.sphere.bend;
+#if HAS_RINGS
+    bend += 2.0 * march.sphere.axis_bend / here.axis;  // what they bend at most, up to half way to their axis
+#endif
+    bend = march_bend(bend, turn, per_lowest);
+    float reach = parabola_reach(height, outwards * (cosine - here.slope * t_slope), bend);
+#if HAS_CORNERS
+    // Up to a corner of the ramp; and beyond, by the slope that leads soonest to the surface.
+    float corner = parabola_reach(here.room, -abs(t_slope), bend / max(abs(here.least), abs(here.greatest)));
+    float steepest = max(outwards * here.least * t_slope, outwards * here.greatest * t_slope);
+    reach = max(min(reach, corner), parabola_reach(height, outwards * cosine - steepest, bend));
+#endif
+#if HAS_RINGS
+    reach = min(reach, 0.5 * here.axis / turn);
+#endif
+    return reach;
 }
 
 // One step of the ray within the shell of `march.current`.
@@ -154,15 +179,11 @@ void step_march(vec3 d)
     }
     float side = march.side;
     f *= side;
-    // The slope of the ramp may change: ahead and behind, the one that leads soonest to the surface.
-    float least = side * here.least * t_slope;
-    float greatest = side * here.greatest * t_slope;
-    float bend = march.sphere.bend + 2.0 * march.sphere.axis_bend / here.axis;  // up to half way to the axis
 
     float turn = march.b * march.per_lowest * march.per_lowest;
-    float behind = parabola_reach(f, min(least, greatest) - side * cosine, march_bend(bend, turn, march.per_lowest));
+    float behind = certain_reach(f, -1.0, cosine, t_slope, here, turn, march.per_lowest);
     float unproven = march.x - march.proven;
-    bool overshot = unproven > 0.0 && (f < 0.0 || min(behind, 0.5 * here.axis / turn) < unproven);
+    bool overshot = unproven > 0.0 && (f < 0.0 || behind < unproven);
     float relaxation = march.relaxed ? MARCH_RELAXATION : 1.0;
     ++march.steps;
     march.relaxed = !overshot;
@@ -172,13 +193,16 @@ void step_march(vec3 d)
         return;
     }
 
-    float f1 = side * cosine - max(least, greatest);
+    float f1 = side * (cosine - here.slope * t_slope);
     march.per_lowest = 1.0 / (march.x > 0.0 ? rho : max(march.b, march.sphere.lowest));
     turn = march.b * march.per_lowest * march.per_lowest;
-    float ahead = min(parabola_reach(f, f1, march_bend(bend, turn, march.per_lowest)), 0.5 * here.axis / turn);
-    // By the slope alone, which needs no bend: outside, x/ρ only grows.
+    float ahead = certain_reach(f, 1.0, cosine, t_slope, here, turn, march.per_lowest);
+#if HAS_RINGS
+    // By the slope alone, which holds on the axis as well: outside, x/ρ only grows.
     float descent = march.sphere.slope * turn - (side > 0.0 ? cosine : -1.0);
-    ahead = max(max(ahead, descent > 0.0 ? f / descent : NO_HIT), SMALLEST_STEP);
+    ahead = max(ahead, descent > 0.0 ? f / descent : NO_HIT);
+#endif
+    ahead = max(ahead, SMALLEST_STEP);
     bool exhausted = march.steps >= MAX_MARCH_STEPS - 1;
     bool met = f1 < 0.0 && f < march.tolerance || exhausted;
     if (met) {

@@ -15,11 +15,11 @@ from harness.tracer.literals import chosen, function, is_any, number, vector
 from harness.tracer.motion import Motions
 
 # Steps that a ray may take, at most: of 10^6 rays past a sphere none took more than 56 where `bend` is 93, 96 where it
-# is 455, 120 where it is 1800; twice as many where the ramp has corners or rings have an axis. A ray that is not
-# through by then counts as met where it is, which is close to the surface.
+# is 455, 120 where it is 1800; up to 240 past the axis of wood's rings. A ray that is not through by then counts as met
+# where it is, which is close to the surface.
 LEAST_STEPS, STEPS_PER_ROOT_BEND = 32, 4.0
-# The angle to an axis that there is not: no limit to any step.
-NO_AXIS = 1e30
+# The way to an axis, or a corner of the ramp, where there is none: no limit to any step.
+FAR = 1e30
 
 
 def displaced(shapes: Sequence[Shape]) -> list[tuple[int, Shape]]:
@@ -38,7 +38,10 @@ def march_declarations(shapes: Sequence[Shape], motions: Motions) -> list[str]:
     spheres = displaced(shapes)
     if not spheres:
         return []
+    limits = [bounds(_displacement(shape)) for _, shape in spheres]
     return [f"#define DISPLACED_SPHERES {len(spheres)}", f"#define MAX_MARCH_STEPS {march_steps(shapes)}",
+            f"#define HAS_CORNERS {int(any(b.least < b.greatest for b in limits))}",
+            f"#define HAS_RINGS {int(any(b.axis_bend > 0 for b in limits))}",
             '#include "lib/procedural.glsl"', '#include "lib/displaced.glsl"', "",
             *_sphere_function(spheres), *_shell_function(spheres, motions), *_ray_function(spheres, motions),
             *_relief_function(spheres)]
@@ -99,8 +102,7 @@ def _rays(spheres: Sequence[tuple[int, Shape]], motions: Motions) -> list[str]:
 
 
 def _steps(b: Bounds) -> int:
-    uneven = b.least < b.greatest or b.axis_bend > 0
-    return round((LEAST_STEPS + STEPS_PER_ROOT_BEND * math.sqrt(b.bend)) * (2 if uneven else 1))
+    return round((LEAST_STEPS + STEPS_PER_ROOT_BEND * math.sqrt(b.bend)) * (2 if b.axis_bend else 1))
 
 
 def _relief_function(spheres: Sequence[tuple[int, Shape]]) -> list[str]:
@@ -116,10 +118,10 @@ def _relief_function(spheres: Sequence[tuple[int, Shape]]) -> list[str]:
                    for (index, shape), texture in zip(spheres, textures.values(), strict=True)})
     woods = [index for index, texture in textures.items() if texture.kind == "wood"]
     per_scale = {index: number(1 / float(np.linalg.norm(to_texture[index][:, :3], ord=2))) for index in woods}
-    body.append(f"float axis = {number(NO_AXIS)};")
+    body.append(f"float axis = {number(FAR)};")
     body += [f"if ({is_any([index])}) axis = length(q.xy) * {value};" for index, value in per_scale.items()]
     return function("Relief relief(int id, vec3 direction)",
-                    [*body, f"return Relief(r, slope, least, greatest, {back}, axis);"])
+                    [*body, f"return Relief(r, slope, least, greatest, room, {back}, axis);"])
 
 
 def _coordinates(to_texture: dict[int, np.ndarray]) -> tuple[list[str], str]:
@@ -165,7 +167,7 @@ def _wave(waves: dict[int, Procedural], *, everywhere: bool) -> list[str]:
     lines += chosen("float", "along", {index: "q.x" if is_marble else "length(q.xy)"
                                        for index, is_marble in marble.items()})
     lines += chosen("vec3", "ahead", {index: "vec3(1.0, 0.0, 0.0)" if is_marble else
-                                      f"vec3(q.xy / max(length(q.xy), {number(1 / NO_AXIS)}), 0.0)"
+                                      f"vec3(q.xy / max(length(q.xy), {number(1 / FAR)}), 0.0)"
                                       for index, is_marble in marble.items()})
     lines += chosen("float", "distortion", {index: number(texture.distortion) for index, texture in waves.items()})
     lines += chosen("float", "rise", {index: number(RISE[texture.kind]) for index, texture in waves.items()})
@@ -175,8 +177,8 @@ def _wave(waves: dict[int, Procedural], *, everywhere: bool) -> list[str]:
 
 
 def _ramp(textures: dict[int, tuple[Procedural, float]]) -> list[str]:
-    """Statements that declare `r`, and the ramp's `slope` at t, `least` and `greatest` slope."""
-    radii, slopes, least, greatest = {}, {}, {}, {}
+    """Statements that declare `r`, the ramp's `slope` at t, its `least` and `greatest`, and `room` up to a corner."""
+    radii, slopes, least, greatest, room = {}, {}, {}, {}, {}
     for index, (texture, amplitude) in textures.items():
         stops = amplitude * np.array([color[0] for color in texture.colors])
         last = len(stops) - 1
@@ -188,9 +190,11 @@ def _ramp(textures: dict[int, tuple[Procedural, float]]) -> list[str]:
                 f"ramp_step(t, {number(last)}, {number(step)}) * {number(steps[step])}" for step in range(last))])
         slopes[index] = " : ".join([*(f"t < {number((step + 1) / last)} ? {number(steps[step] * last)}"
                                       for step in range(last - 1)), number(steps[-1] * last)])
+        corner = f"clamp(round(t * {number(last)}), 1.0, {number(last - 1)}) / {number(last)}"
+        room[index] = number(FAR) if last == 1 else f"abs(t - {corner})"
         least[index], greatest[index] = number(steps.min() * last), number(steps.max() * last)
     return [*chosen("float", "r", radii), *chosen("float", "slope", slopes), *chosen("float", "least", least),
-            *chosen("float", "greatest", greatest)]
+            *chosen("float", "greatest", greatest), *chosen("float", "room", room)]
 
 
 def _displacement(shape: Shape) -> Displacement:
