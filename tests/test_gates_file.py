@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -183,28 +184,30 @@ b = 1
 "d e" = [ # ]
   1,
   { x = "]" } ]
-[t]
+[t] # not x
 a.b = 'it # is'
 [[gate]]
 k = 1
 [gate.sub]
 k = 2
 [[gate]]
+k = [
+  ["u"],
+  ['t']]
 [[gate]]
-
-k = { l = 3,
-      m = 4 }
+k = { l = 3 }
 [other."x.y"]
 z = 1
 '''
 
     @pytest.mark.parametrize(("way", "line"), [
-        (("a",), 2), (("b",), 1), (("d e",), 6), (("t",), 9), (("t", "a"), 10), (("t", "a", "b"), 10),
+        (("a",), 2), (("b",), 1), (("d e",), 6), (("t",), 9), (("t", "x"), 9), (("t", "a"), 10), (("t", "a", "b"), 10),
         (("gate",), 11), (("gate", 0), 11), (("gate", 0, "k"), 12), (("gate", 0, "sub"), 13),
-        (("gate", 0, "sub", "k"), 14), (("gate", 1), 15), (("gate", 1, "k"), 15), (("gate", 2, "k"), 18),
-        (("gate", 2, "k", "m"), 18), (("other", "x.y", "z"), 21), ((), 1),
+        (("gate", 0, "sub", "k"), 14), (("gate", 1), 15), (("u",), 1), (("gate", 1, "k"), 16), (("gate", 1, "l"), 15),
+        (("gate", 2), 19), (("gate", 2, "k", "l"), 20), (("other", "x.y", "z"), 22), ((), 1),
     ])
     def test_of_a_key(self, way: tuple[str | int, ...], line: int) -> None:
+        tomllib.loads(self.TEXT)
         assert lines(self.TEXT).line(*way) == line
 
 

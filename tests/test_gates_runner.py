@@ -231,7 +231,7 @@ class TestShader:
 
     def test_one_that_does_not_compile_names_its_line(self, gate: Gate, tmp_path: Path) -> None:
         (tmp_path / "own.frag").write_text("void main()\n{ undeclared = 1; }\n")
-        with pytest.raises(ShaderError, match=r"path_tracer\.frag:2"):
+        with pytest.raises(ShaderError, match=r"own\.frag:2"):
             run_gate(dataclasses.replace(gate, shader=tmp_path / "own.frag"))
 
     def test_one_that_is_no_text_is_refused(self, gate: Gate, tmp_path: Path) -> None:

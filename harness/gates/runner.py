@@ -71,15 +71,16 @@ def tracer(gate: Gate, scene: Scene) -> TracerRenderer:
 def gate_source(gate: Gate, scene: Scene) -> ShaderSource:
     """The shader of a gate: ours, with what `shader` and `glsl` put in place of files of the same name."""
     generated = {"scene.glsl": scene_chunk(scene, gate.strategy)}
+    main = gate.shader.name if gate.shader else "path_tracer.frag"
     try:
         if gate.glsl:
             for path in sorted(path for path in gate.glsl.rglob("*") if path.suffix in (".glsl", ".frag")):
                 generated[path.relative_to(gate.glsl).as_posix()] = path.read_text(encoding="utf-8")
         if gate.shader:
-            generated["path_tracer.frag"] = gate.shader.read_text(encoding="utf-8")
+            generated[main] = gate.shader.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         raise gate.error(f"the shader cannot be read: {error}") from None
-    return assemble("path_tracer.frag", data_dir("glsl"), generated=generated)
+    return assemble(main, data_dir("glsl"), generated=generated)
 
 
 def _look(gate: Gate, ours: Run, theirs: Run | FixedReference, advance: Callable[[float], None]) -> list[Look]:
