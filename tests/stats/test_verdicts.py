@@ -191,7 +191,8 @@ class TestImage:
                             for _ in range(400)])
 
         assert share(0.0) > 0.99
-        assert share(0.0028) < 0.1 + 3 * np.sqrt(0.1 * 0.9 / 400)
+        for bias in (0.0028, -0.0028):
+            assert share(bias) < 0.1 + 3 * np.sqrt(0.1 * 0.9 / 400)
 
 
 class TestSequence:
