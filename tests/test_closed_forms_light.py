@@ -182,6 +182,11 @@ LIGHTS: dict[str, tuple[str, float]] = {
                      '<point name="center" value="0.5 0 0.75"/>'), sphere_factor(0.8, 1.2, 0.8)),
     "mirrored sphere": (light("sphere", '<scale x="-0.8" y="0.8" z="0.8"/><translate x="-0.8" z="1.2"/>', flip=True),
                         sphere_factor(0.8, 1.2, 0.8)),
+    # By a texture of one value, from radius 0.5 to 0.8: the reference renders a mesh, the tracer marches.
+    "displaced sphere": (light("displacedsphere", '<translate x="0.8" z="1.2"/>', inner='''<float name="radius"
+                         value="0.5"/><float name="amplitude" value="0.6"/><texture type="fractal" name="displacement">
+                         <float name="color0" value="0.5"/><float name="color1" value="0.5"/></texture>'''),
+                         sphere_factor(0.8, 1.2, 0.8)),
     "cylinder": (light("cylinder", '<rotate z="1" angle="40"/>', inner=tube("-1.5 0 1.2", "2.5 0 1.2", 0.6)),
                  tube_factor(0.6, 1.2, 1.5) + tube_factor(0.6, 1.2, 2.5)),
     "stretched cylinder": (light("cylinder", '<scale x="2"/>', inner=tube("1.25 0 1.2", "-0.75 0 1.2", 0.6)),
