@@ -113,6 +113,7 @@ class TestSummary:
         rows = re.findall(r"<tr><td>(?:<a[^>]*>)?([a-z]+)(?:</a>)?</td><td class=\"([a-z]+)\">\2", text)
         assert rows[:3] == [("sky", "fail"), ("odd", "error"), ("right", "pass")]
         assert "no &lt;sky&gt; file" in text
+        assert "<sky>" not in text
         assert "Nothing can go wrong." in text
         assert "--only sky" in text
         assert [item["gate"] for item in json.loads(numbers.read_text(encoding="utf-8"))["gates"]] == [

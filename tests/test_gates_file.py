@@ -131,7 +131,7 @@ class TestRefusals:
         ("spp = 0", 6, "'spp' must be a whole number from 1 to"),
         ("spp = 1.5", 6, "'spp' must be a whole number from 1 to"),
         ("spp = true", 6, "'spp' must be a whole number from 1 to"),
-        ("size = [0, 3]", 6, "expected [width, height], each 1 to 4096, found [0, 3]"),
+        ("size = [0, 3]", 6, "expected [width, height], each 1 to 1024, found [0, 3]"),
         ("size = 64", 6, "expected [width, height]"),
         ("confidence = 95", 6, "'confidence' must be a number above 0.5 and below 1, found 95"),
         ("confidence = nan", 6, "'confidence' must be a number"),

@@ -19,7 +19,7 @@ from harness.reference.renderer import ReferenceRenderer
 from harness.stats.tiles import TileAccumulator
 from harness.store import Store
 from tests.fakes import NoiseRenderer
-from tests.gates_support import GATES, Noise, one_gate, write
+from tests.gates_support import GATES, SKY, Noise, one_gate, write
 
 
 @pytest.fixture
@@ -244,6 +244,13 @@ def test_a_strategy_that_does_not_suit_the_scene_is_refused(gate: Gate) -> None:
     spheres = dataclasses.replace(gate, strategy="phong", scene=data_dir("mitsuba_scenes") / "spheres.xml")
     with pytest.raises(HarnessError, match="gate 'sky': strategy 'phong' does not suit the scene: lobe-only sampling"):
         run_gate(spheres, renderer=Noise())
+
+
+def test_a_film_that_is_too_large_is_refused(tmp_path: Path) -> None:
+    gate = one_gate(tmp_path, GATES.replace("size = [40, 40]\n", ""))
+    gate.scene.write_text(SKY.replace('"hdrfilm">', '"hdrfilm"><integer name="width" value="2000"/>'))
+    with pytest.raises(HarnessError, match="film has 2000 x 576 pixels, a gate at most 1024 a side; set 'size'"):
+        run_gate(gate, renderer=Noise())
 
 
 def test_a_run_grows_and_keeps_its_order() -> None:

@@ -19,6 +19,8 @@ MIN_FIRST_LOOK = 16
 MIN_REPLICAS = MIN_FIRST_LOOK * LOOK_SHARES[0]
 # A look at the first replicas of a shared reference must find each by itself (stats.tiles.MAX_BATCHES).
 MAX_REPLICAS = 256
+# Pixels a side: no verdict gains by more, and the batches of such an image still fit into 2 GB.
+MAX_SIDE = 1024
 
 
 @dataclass(frozen=True)

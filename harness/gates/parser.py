@@ -36,6 +36,7 @@ from harness.gates.lines import Lines, Way, lines
 from harness.gates.model import (
     LOOK_SHARES,
     MAX_REPLICAS,
+    MAX_SIDE,
     MIN_REPLICAS,
     FileReference,
     Gate,
@@ -52,7 +53,6 @@ DEFAULTS: dict[str, Any] = {"spp": 32, "replicas": 64, "reference": {"spp": 32},
 # The whole file raises a false alarm with at most this probability, unless its [suite] says otherwise.
 FALSE_ALARMS = 0.01
 MAX_SPP = 1 << 16  # of one replica
-MAX_SIDE = 4096
 
 _GATE_KEYS = ("name", "scene", "strategy", "reason", "tolerance", "spp", "replicas", "size", "reference", "confidence",
               "not_finite", "shader", "glsl")

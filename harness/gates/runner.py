@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.files import data_dir
 from harness.gates.budget import factor_needed, tile_scale
-from harness.gates.model import CurvePoint, Gate, GateResult, Look, MitsubaReference
+from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look, MitsubaReference
 from harness.gates.references import FixedReference, References, Run
 from harness.runs import Progress, Renderer, quiet
 from harness.scene import Scene, load_scene
@@ -54,9 +54,13 @@ def run_gate(gate: Gate, references: References | None = None, *, progress: Prog
 
 
 def check_gate(gate: Gate) -> Scene:
-    """The gate's scene at the gate's size. HarnessError where it cannot be loaded, or the strategy does not suit it."""
+    """The gate's scene at the gate's size. HarnessError where it cannot be loaded or is too large, or the strategy does
+    not suit it."""
     width, height = gate.size or (None, None)
     scene = load_scene(gate.scene, width=width, height=height)
+    if max(scene.width, scene.height) > MAX_SIDE:
+        raise gate.error(f"the scene's film has {scene.width} x {scene.height} pixels, a gate at most {MAX_SIDE} a "
+                         "side; set 'size'")
     strategy = check_strategy(scene, gate.strategy)
     if not strategy.suits:
         raise gate.error(f"strategy '{gate.strategy}' does not suit the scene: {strategy.warning}")
