@@ -27,7 +27,7 @@ BOTH = (("handout", RANDOM), ("ours", OURS))
 # left running over night, gets to.
 LATE, LATEST = 100_000, 1_000_000
 NOISE_SPP = 256
-CURVE_SPP, TRUTH_SPP = 4096, 8192
+CURVE_SPP, TRUTH_SPP = 2048, 4096
 # A generator of 24-bit numbers repeats itself as often as chance has it (a standard deviation is 5e-4 of it), and a
 # number in 65,536 is a multiple of 1/256.
 ENOUGH_VALUES, TOO_COARSE = 0.99, 1e-3
@@ -131,9 +131,9 @@ def _row_plot() -> Plot:
     return Plot("Correlation of rand() between rows", "pass", "x", tuple(series))
 
 
-# The marble of the noise's exhibit: 96² points of a patch this many units wide and this far from the origin, and the
-# fractal noise in it. Nothing unusual: the floor of a large room.
-PATCH, DISTANCE, POINTS = 6.0, 94.0, 96
+# The marble of the noise's exhibit: points of a patch of ground this many units wide and this far along x and y from the
+# origin, and the fractal noise in it.
+PATCH, DISTANCE, POINTS = 2.0, 300.0, 160
 FREQUENCY, OCTAVES, LACUNARITY, GAIN, SEED = 4.0, 5, 2.0, 0.5, 0
 
 
@@ -215,7 +215,7 @@ def _lattice_distance(variant: Variant, mitsuba: Callable[[np.ndarray], np.ndarr
 
 def _marble(points: np.ndarray, field: np.ndarray) -> np.ndarray:
     """Veins: a wave along x, bent by the noise; (POINTS, POINTS) within [0, 1]."""
-    wave = 0.5 + 0.5 * np.sin(2 * np.pi * (points[:, 0] / FREQUENCY / 2 + 4 * field))
+    wave = 0.5 + 0.5 * np.sin(2 * np.pi * (points[:, 0] / FREQUENCY + 2 * field))
     return np.asarray(wave.reshape(POINTS, POINTS))
 
 
@@ -226,7 +226,7 @@ def _grey(values: np.ndarray) -> np.ndarray:
 def convergence(store: Store | None) -> Exhibit:
     """Importance sampling reduces what the handout says it augments."""
     scene = load_scene(data_dir("mitsuba_scenes") / "spheres.xml", width=WIDTH // 2, height=HEIGHT // 2)
-    result = study(scene, ("uniform", "mixture"), spp=256, replicas=4, max_replicas=4, reference_spp=2048, store=store)
+    result = study(scene, ("uniform", "mixture"), spp=256, replicas=4, max_replicas=4, reference_spp=1024, store=store)
     slow, fast = result.strategies
     ratios = (slow.rmse[:, -1] / fast.rmse[:, -1]) ** 2
     mean, low, high = (float(bound[0]) for bound in band(ratios[:, None], 0.95, geometric=True))

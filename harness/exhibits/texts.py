@@ -84,9 +84,9 @@ TEXTS = {
         "hash(n) = fract(sin(n)*43758.5453123)",
         "lib/noise.glsl: an integer hash of the lattice point",
         "marble differs by up to {largest:.2f}",
-        "The factor 43758.5 makes the last digits of the sine the first digits of the hash, and those digits are each"
-        " compiler's own. Far from the origin, where lattice points have large numbers, the sine of Mitsuba's "
-        "compiler and that of this GL driver differ, and one formula draws two textures: on a floor 100 units from "
+        "The factor 43758.5 makes the last digits of the sine the first digits of the hash, and those digits are each "
+        "compiler's own. Far from the origin, where lattice points have large numbers, the sine of Mitsuba's "
+        "compiler and that of this GL driver differ, and one formula draws two textures: on ground 300 units from "
         "the origin, marble differs by up to {largest:.2f} of the way from black to white. Two GPUs may differ as "
         "much.",
         "Hash the lattice point with integer arithmetic: the same bits on every machine. Points that happen to share "
