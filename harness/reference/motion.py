@@ -3,7 +3,8 @@
 Sample k of replica r sees the scene at the time `open + (close - open) tent(frac(φ(⌊k/4⌋) + s_r))`: φ is the radical
 inverse in base 2 (van der Corput 1935), s_r a uniform random shift of the replica's own (Cranley & Patterson 1976), and
 tent(u) = 1 - |2u - 1| (the baker's transformation, Hickernell 2002): the last moment meets the first, so that the shift
-costs no accuracy at the ends. Four samples share a moment, since moving shapes takes as long as drawing as many.
+costs no accuracy at the ends. Four samples share a moment, since moving shapes takes as long as drawing as many
+(where they are huge meshes, 32 do).
 
 - Unbiased: whatever k, the time is uniform over the interval, so a batch's expectation is the integral over time.
 - Replicas are independent: their shifts are, and their seeds.
@@ -28,6 +29,9 @@ from harness.scene.motion import moving, screw
 # Moving the shapes of a scene and launching a kernel take about as long as this many samples at 192 x 144: with 4 a
 # moment, 2048 samples of motion_blur.xml take 15 s, with 1, 38 s, with 64, 8 s.
 SAMPLES_PER_MOMENT = 4
+# The same where a displaced sphere moves: the search structure of a mesh of 3 million triangles takes 2 s of CPU time to
+# build (for an instance of a group too, since Mitsuba builds that anew), so 2048 samples see 64 moments.
+SAMPLES_PER_MOMENT_OF_A_MESH = 32
 # Tells the shifts' random stream from other uses of the replica's number.
 SHIFT_STREAM = 0x4D6F7665
 
@@ -37,21 +41,27 @@ def moving_id(index: int) -> str:
     return f"moving shape {index}"
 
 
-def moments(first: int, count: int, samples_per_call: int) -> list[tuple[int, int]]:
-    """Pieces (first sample, samples) of a range that each see one moment and fit into one call."""
+def samples_per_moment(scene: Scene) -> int:
+    """How many samples of a moving scene share a moment."""
+    displaced = any(scene.shapes[index].displacement is not None for index in moving(scene))
+    return SAMPLES_PER_MOMENT_OF_A_MESH if displaced else SAMPLES_PER_MOMENT
+
+
+def moments(first: int, count: int, sharing: int, samples_per_call: int) -> list[tuple[int, int]]:
+    """Pieces (first sample, samples) of a range that each see one moment, of `sharing` samples, and fit into a call."""
     pieces = []
     end = first + count
     while first < end:
-        size = min(SAMPLES_PER_MOMENT - first % SAMPLES_PER_MOMENT, samples_per_call, end - first)
+        size = min(sharing - first % sharing, samples_per_call, end - first)
         pieces.append((first, size))
         first += size
     return pieces
 
 
-def moment(shutter: tuple[float, float], replica: int, sample: int) -> float:
-    """The time at which sample number `sample` of a replica sees the scene."""
+def moment(shutter: tuple[float, float], replica: int, sample: int, sharing: int) -> float:
+    """The time at which sample number `sample` of a replica sees the scene, where `sharing` samples share a moment."""
     shift = np.random.default_rng([SHIFT_STREAM, replica]).random()
-    u = (radical_inverse(sample // SAMPLES_PER_MOMENT) + shift) % 1.0
+    u = (radical_inverse(sample // sharing) + shift) % 1.0
     opens, closes = shutter
     return opens + (closes - opens) * (1.0 - abs(2.0 * u - 1.0))
 

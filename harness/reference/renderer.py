@@ -14,7 +14,7 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.estimate import Batch
 from harness.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
-from harness.reference.motion import MovingShapes, moment, moments
+from harness.reference.motion import MovingShapes, moment, moments, samples_per_moment
 from harness.reference.prepare import instantiate
 from harness.scene import Scene, motion, noise, procedural
 
@@ -54,6 +54,7 @@ class ReferenceRenderer:
         options = {"rr_depth": RR_DEPTH_OFF} if integrator == "path" else {}
         mi = use_reference_variant()
         self._moving_shapes = MovingShapes(mi, self._mitsuba_scene, scene) if motion.moving(scene) else None
+        self._sharing = samples_per_moment(scene)
         self._integrator = mi.load_dict({"type": integrator, "max_depth": scene.max_depth, **options})
 
     @property
@@ -90,7 +91,7 @@ class ReferenceRenderer:
         sensor = self._mitsuba_scene.sensors()[0]
         for first, spp in self._pieces(start, count):
             if self._moving_shapes is not None:
-                self._moving_shapes.move(moment(self.scene.camera.shutter, replica, first))
+                self._moving_shapes.move(moment(self.scene.camera.shutter, replica, first, self._sharing))
             image: Any = self._integrator.render(self._mitsuba_scene, sensor, seed=call_seed(replica, first), spp=spp)
             yield np.array(image), spp  # the copy waits for Mitsuba to finish
             if advance is not None:
@@ -99,7 +100,7 @@ class ReferenceRenderer:
     def _pieces(self, start: int, count: int) -> list[tuple[int, int]]:
         """The calls (first sample, samples) that a range is drawn in."""
         if self._moving_shapes is not None:
-            return moments(start, count, self.samples_per_call)
+            return moments(start, count, self._sharing, self.samples_per_call)
         return [(first, min(self.samples_per_call, start + count - first))
                 for first in range(start, start + count, self.samples_per_call)]
 

@@ -11,7 +11,7 @@ import pytest
 from harness.estimate import Batch, merge
 from harness.files import data_dir
 from harness.reference import ReferenceRenderer
-from harness.reference.motion import SAMPLES_PER_MOMENT, moment, moments, radical_inverse
+from harness.reference.motion import SAMPLES_PER_MOMENT, moment, moments, radical_inverse, samples_per_moment
 from harness.reference.prepare import instantiate
 from harness.scene import Scene, load_scene
 from harness.scene.motion import moving
@@ -102,8 +102,8 @@ def test_times_of_a_batch_are_spread_evenly() -> None:
 
 def test_times_are_uniform_over_the_interval() -> None:
     """For one sample over replicas, so that any batch is unbiased, and for one replica over samples."""
-    over_replicas = [moment((2, 4), replica, 5 * SAMPLES_PER_MOMENT) for replica in range(1000)]
-    over_samples = [moment((2, 4), 3, k * SAMPLES_PER_MOMENT) for k in range(1024)]
+    over_replicas = [moment((2, 4), replica, 5 * SAMPLES_PER_MOMENT, SAMPLES_PER_MOMENT) for replica in range(1000)]
+    over_samples = [moment((2, 4), 3, k * SAMPLES_PER_MOMENT, SAMPLES_PER_MOMENT) for k in range(1024)]
     for times, tolerance in ((over_replicas, 0.05), (over_samples, 0.002)):
         assert min(times) >= 2 and max(times) <= 4
         error = np.abs(np.sort(times) - np.linspace(2, 4, len(times), endpoint=False))
@@ -112,9 +112,18 @@ def test_times_are_uniform_over_the_interval() -> None:
 
 def test_replicas_have_times_of_their_own() -> None:
     """Shifts of replicas are uncorrelated, and the same again for the same replica."""
-    shifts = [moment((0, 1), replica, 0) for replica in range(1000)]
-    assert len(set(shifts)) == 1000 and shifts[7] == moment((0, 1), 7, 0)
+    shifts = [moment((0, 1), replica, 0, 4) for replica in range(1000)]
+    assert len(set(shifts)) == 1000 and shifts[7] == moment((0, 1), 7, 0, 4)
     assert abs(np.corrcoef(shifts[:-1], shifts[1:])[0, 1]) < 4 / np.sqrt(999)
+
+
+def test_a_mesh_is_moved_less_often(mi: Any, tmp_path: Path) -> None:
+    """Building its search structure again takes seconds; analytic shapes and meshes at rest take none."""
+    displaced = """<shape type="displacedsphere"><float name="amplitude" value="0.1"/>
+        <texture name="displacement" type="fractal"/>{}</shape>"""
+    for mesh, ball, expected in (("", MOTION, 4), (MOTION, "", 32), (MOTION, MOTION, 32)):
+        body = f'{displaced.format(mesh)}<shape type="sphere">{ball}</shape>'
+        assert samples_per_moment(write(tmp_path / "scene.xml", body, (0, 1))) == expected
 
 
 @pytest.mark.parametrize(("first", "count", "largest", "expected"), [
@@ -123,7 +132,7 @@ def test_replicas_have_times_of_their_own() -> None:
 ])
 def test_ranges_are_cut_at_moments(first: int, count: int, largest: int, expected: list[tuple[int, int]]) -> None:
     """Each call sees one moment, and is no longer than calls may be."""
-    assert moments(first, count, largest) == expected
+    assert moments(first, count, 4, largest) == expected
 
 
 def test_a_range_may_be_cut_at_any_moment(mi: Any) -> None:
@@ -153,7 +162,7 @@ def test_variance_by_batch_means_is_not_too_small(samples: int) -> None:
     for replica in range(48):
         batches = []
         for start in range(0, samples, size):
-            times = [moment((-0.1, 1), replica, k) for k in range(start, start + size, SAMPLES_PER_MOMENT)]
+            times = [moment((-0.1, 1), replica, k, 4) for k in range(start, start + size, 4)]
             mean = np.mean([disk_passing(time) for time in times], axis=0)
             batches.append(Batch(np.repeat(mean[..., None], 3, axis=-1), size))
         merged = merge(batches)
