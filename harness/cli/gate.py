@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from harness.cli.options import CacheOption, open_store
 from harness.cli.output import JsonOption, print_json, print_rich, progress
-
-if TYPE_CHECKING:
-    from harness.gates import GateResult
 
 
 def gate(
@@ -41,23 +38,24 @@ def gate(
         runner.check_gate(item)  # a bad one shows before the first is rendered
     require_writable(output / summary.HTML)
     references = gates.References(open_store(cache))
-    results = []
-    with progress(len(chosen), file.name) as advance:
-        for item in chosen:
-            result = gates.run_gate(item, references, progress=progress)
-            artefacts.save_result(result, output / item.name, pictures=result.outcome != "pass")
-            results.append(result)
-            advance(1)
-    found = [artefacts.as_json(result) for result in results]
-    pages = summary.write_summary(found, output)
+    found: list[dict[str, Any]] = []
+    try:
+        with progress(len(chosen), file.name) as advance:
+            for item in chosen:
+                result = gates.run_gate(item, references, progress=progress)
+                artefacts.save_result(result, output / item.name, pictures=result.outcome != "pass")
+                found.append(artefacts.as_json(result))
+                advance(1)
+    finally:  # also of what was done before a gate turned out to be impossible, or before Ctrl-C
+        pages = summary.write_summary(found, output)
     if json:
         print_json({"file": file, "false_alarms": family.false_alarms, "summary": pages, "gates": found})
     else:
-        _print(results, found, output)
-    return 0 if all(result.outcome == "pass" for result in results) else 1
+        _print(found, output)
+    return 0 if all(item["outcome"] == "pass" for item in found) else 1
 
 
-def _print(results: list[GateResult], found: list[dict[str, Any]], output: Path) -> None:
+def _print(found: list[dict[str, Any]], output: Path) -> None:
     from rich.table import Table
 
     from harness.gates.summary import HTML, counted, percent
@@ -71,8 +69,8 @@ def _print(results: list[GateResult], found: list[dict[str, Any]], output: Path)
                       f"±{percent(item['tests']['mean']['tolerance'])}", str(item["samples"]), str(item["budget"]),
                       f"{item['seconds']:.1f}")
     print_rich(table)
-    for result, item in zip(results, found, strict=True):
-        if result.outcome != "pass":
+    for item in found:
+        if item["outcome"] != "pass":
             print(f"{item['gate']}: {item['outcome']}: {item['reason']}; see {output / item['gate']}; "
                   f"{item['command']}")
     print(f"{counted(found)}; {output / HTML}")

@@ -90,9 +90,17 @@ class TestBadInput:
 
 def test_a_budget_that_is_too_small_is_refused_with_what_would_do(harness: Harness, gates: Path) -> None:
     """At 16 samples per pixel the first look cannot tell; about so many times the samples would do."""
-    write(gates.parent, GATES.replace('"sky.xml"', '"spheres"').replace('"cosine"', '"mixture"')
-          .replace("value = [0.5, 0.5, 0.5]", "spp = 1").replace("[40, 40]", "[24, 18]"))
+    write(gates.parent, GATES + """
+[[gate]]
+name = "small"
+scene = "spheres"
+strategy = "mixture"
+reference = { spp = 1 }
+size = [24, 18]
+reason = "Too few samples."
+""")
     message = refusal(harness("gate"))
-    assert message.startswith("tests/gates.toml:8: gate 'sky': a budget of 64 replicas of 1 samples per pixel is too "
-                              "small to decide; about ")
+    assert message.startswith("tests/gates.toml:14: gate 'small': a budget of 64 replicas of 1 samples per pixel is "
+                              "too small to decide; about ")
     assert message.endswith(" times the samples would do (of the reference as well), or wider tolerances")
+    assert "1 pass" in Path("reports/out/gates/summary.html").read_text(encoding="utf-8")
