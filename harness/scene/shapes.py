@@ -74,8 +74,7 @@ def _sphere(node: Node, matrix: np.ndarray, flip: bool) -> tuple[np.ndarray, boo
     center = node.point("center", (0.0, 0.0, 0.0))
     radius = _radius(node)
     if not _is_even(matrix[:3, :3]):  # Mitsuba makes some sphere of it, of another size
-        raise node.error(f"'to_world' of a {node.plugin} must not shear or scale unevenly; "
-                         f"use {EVEN}")
+        raise node.error(f"'to_world' of a {node.plugin} must not shear or scale unevenly; use {EVEN}")
     local = np.diag([radius, radius, radius, 1.0])
     local[:3, 3] = center
     # A mirrored sphere is turned inside out in Mitsuba (Sphere::update), unlike every other mirrored shape.
