@@ -9,8 +9,8 @@
 // edge in t and filters linearly. The inclination by an arc tangent, since an arc cosine loses half the digits near the
 // poles.
 //
-// It belongs into the bounce loop, although there it is executed at every vertex: put off until a path, or a number of
-// paths, are done, it cost 8 to 20 % more, since lanes then wait for each other or paths have to be remembered.
+// It belongs into the bounce loop, although there it is executed at every vertex: put off until a path is done, or two
+// vertices, or a pass's samples, it cost 8 to 40 % more, since lanes then wait for each other or paths are remembered.
 vec3 environment_texel(sampler2D image, float rows, vec3 d)
 {
     float row = 2.0 * turns(length(d.xz), d.y) * (rows - 1.0);

@@ -82,7 +82,9 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
 #endif
         bool alive = false;
         if (id < 0) {
+#if !HAS_ENVIRONMENT_MAP
             radiance += throughput * environment(d);
+#endif
         } else {
             vec3 p = o + t * d;
             vec3 rest = p;  // where p is on the shape at rest: normals and textures are those of that place
@@ -117,6 +119,10 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
                 alive = any(notEqual(throughput, vec3(0.0)));
             }
         }
+#if HAS_ENVIRONMENT_MAP
+        if (id < 0)  // not in the branch above: reading an image there costs llvmpipe 5 % more, a constant 3 % less
+            radiance += throughput * environment(d);
+#endif
         if (!alive) {
             if (is_finite(radiance))
                 sum += vec4(radiance, 1.0);

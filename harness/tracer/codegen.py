@@ -7,7 +7,7 @@ something moves, set_time, to_rest and from_rest too.
 
 from __future__ import annotations
 
-from harness.scene.model import Scene
+from harness.scene.model import EnvironmentMap, Scene
 from harness.scene.motion import settled
 from harness.tracer.displaced import displaced, march_declarations
 from harness.tracer.environment import environment_function
@@ -27,7 +27,8 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
     shapes = scene.shapes
     motions = Motions.of(scene)
     has = {**switches(shapes), "HAS_LENS": int(scene.camera.aperture_radius > 0),
-           "HAS_MOTION": int(bool(motions.shapes)), "HAS_DISPLACED": int(bool(displaced(shapes)))}
+           "HAS_MOTION": int(bool(motions.shapes)), "HAS_DISPLACED": int(bool(displaced(shapes))),
+           "HAS_ENVIRONMENT_MAP": int(isinstance(scene.environment, EnvironmentMap))}
     defines = {"STRATEGY": f"STRATEGY_{strategy.upper()}", "MAX_DEPTH": scene.max_depth, **has}
     parts = [
         f"// Generated from the scene '{in_comment(scene.name)}' for the strategy '{strategy}'.",
