@@ -114,7 +114,8 @@ def reflect(store: Store | None) -> Exhibit:
         expected_weight(f"hasty repair: albedo of a lobe at 60°, relative to the exact {exact:.3f}", REFLECT_REPAIRED,
                         SLANTED),
         _image_error("hasty repair: spheres against Mitsuba", compared))
-    return exhibit("reflect", findings, _pictures(compared, "Hasty repair"), message=wrong, error=percentage(findings[-1]))
+    return exhibit("reflect", findings, _pictures(compared, "Hasty repair"), message=wrong,
+                   error=percentage(findings[-1]))
 
 
 def tangent(store: Store | None) -> Exhibit:

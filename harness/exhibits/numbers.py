@@ -131,8 +131,8 @@ def _row_plot() -> Plot:
     return Plot("Correlation of rand() between rows", "pass", "x", tuple(series))
 
 
-# The marble of the noise's exhibit: points of a patch of ground this many units wide and this far along x and y from the
-# origin, and the fractal noise in it.
+# The marble of the noise's exhibit: points of a patch of ground this many units wide and this far from the origin along
+# x and y, and the fractal noise in it.
 PATCH, DISTANCE, POINTS = 2.0, 300.0, 160
 FREQUENCY, OCTAVES, LACUNARITY, GAIN, SEED = 4.0, 5, 2.0, 0.5, 0
 

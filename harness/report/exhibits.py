@@ -61,8 +61,8 @@ def _overview(exhibits: Sequence[Exhibit]) -> Table:
         missed = list(dict.fromkeys(finding.check for finding in exhibit.findings
                                     if not finding.caught and finding.check not in caught))
         cleared = all(finding.cleared for finding in exhibit.findings)
-        rows.append((Cell(exhibit.title, target=_anchor(exhibit)), Cell(formats.typographic(exhibit.size)), Cell(", ".join(caught)),
-                     Cell(", ".join(missed) or formats.MISSING),
+        rows.append((Cell(exhibit.title, target=_anchor(exhibit)), Cell(formats.typographic(exhibit.size)),
+                     Cell(", ".join(caught)), Cell(", ".join(missed) or formats.MISSING),
                      Cell("pass" if cleared else "fail", "pass" if cleared else "fail")))
     return Table("The handout's errors, what finds them and what does not. Ours: the same checks on the library's own "
                  "functions.",

@@ -28,7 +28,7 @@ STRATEGY_CASES = [(strategy, alpha, angle) for strategy in STRATEGIES for alpha 
 TESTS = len(SAMPLER_CASES) * len(AXES) + len(STRATEGY_CASES)
 SAMPLES = 1 << 18
 # Rows of cells, half as many columns; steps of the trapezoid rule in each, for the pdf jumps inside one at the horizon.
-CELLS, STEPS = 51, 32
+CELLS, STEPS = 51, 20
 GLOSSY = 0.6  # probability of the lobe where a strategy chooses
 
 Evaluate = Callable[[Any], np.ndarray]
