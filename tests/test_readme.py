@@ -9,14 +9,16 @@ from pathlib import Path
 import pytest
 
 import harness
-from harness import bench, studies
+from harness import bench, gallery, studies
 from harness import calibration as calibration_module
 from harness.cli import COMMANDS, main
 from harness.cli import report as report_command
 from harness.files import data_dir
+from harness.mutants import runner
 from harness.runs import TOLERANCE
 from harness.scene import Scene, load_scene
-from harness.scene.loader import BSDFS, SHAPES
+from harness.scene.materials import BSDFS
+from harness.scene.shapes import PARAMETERS
 from harness.tracer.codegen import STRATEGIES
 from tests.made_calibration import calibration
 
@@ -71,8 +73,15 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("harness.files.data_dir", {**{name: data_dir(name) for name in ("glsl", "reports")},
                                                    "mitsuba_scenes": scenes}.__getitem__)
     monkeypatch.setitem(studies.PROFILES, "quick", studies.Profile(spp=4, replicas=2, reference_spp=8))
+    monkeypatch.setattr(gallery, "EXHIBITS", (gallery.Exhibit("spheres", 2),))
+    monkeypatch.setattr(gallery, "SIDE", 16)
+    (tmp_path / "tests" / "tracer").symlink_to(ROOT / "tests" / "tracer")
+    monkeypatch.setattr(runner, "run_mutants", lambda mutants, gates, **options: runner.KillMatrix(
+        tuple(mutants), gates.names, tuple(("killed",) * len(gates.names) for _ in mutants)))
     monkeypatch.setattr(bench, "run", lambda **options: [BENCH_ROW])
     monkeypatch.setattr(calibration_module, "calibrate", lambda *arguments, **options: calibration())
+
+    monkeypatch.setattr(report_command, "_exhibited", lambda: ((), False))  # minutes; they have tests of their own
 
     def small(path: Path) -> Scene:
         return load_scene(path, width=16, height=12)
@@ -150,7 +159,7 @@ class TestWords:
     def test_the_tolerance_is_the_default(self) -> None:
         assert f"({TOLERANCE:.1%})".replace("%", " %") in section("Verdicts")
 
-    @pytest.mark.parametrize(("element", "names"), [("shapes", SHAPES), ("BSDFs", BSDFS)])
+    @pytest.mark.parametrize(("element", "names"), [("shapes", tuple(PARAMETERS)), ("BSDFs", BSDFS)])
     def test_every_supported_plugin_is_listed(self, element: str, names: tuple[str, ...]) -> None:
         row = next(line for line in section("Scenes").splitlines() if line.startswith(f"| {element} "))
         assert set(names) <= set(re.findall(r"`([a-z]+)`", row))
