@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from harness.files import data_dir
 from harness.reference.prepare import instantiate
-from harness.scene import Scene
+from harness.scene import Scene, load_scene
 from harness.scene.bitmaps import environment_texels
+from harness.tracer import renderer as renderer_module
 from harness.tracer.codegen import scene_chunk
 from harness.tracer.probes import evaluate
+from harness.tracer.renderer import TracerRenderer
 from harness.tracer.samplers import Samplers
 
 FREE_UNIT = 4  # of the texture units; the probe uses those before
@@ -125,3 +128,17 @@ def test_an_8_bit_map_is_decoded_from_srgb(mi: Any, scene: Any, tmp_path: Path) 
     d = directions()
     d = d[np.hypot(d[:, 0], d[:, 2]) > 0.01]
     np.testing.assert_allclose(probe(loaded, d), in_mitsuba(mi, loaded, d), rtol=0, atol=2 * TOLERANCE)
+
+
+def test_bits_do_not_depend_on_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor on how samples are divided into batches: escaped paths are added in the order of their samples."""
+    for name in ("environment", "textures"):
+        loaded = load_scene(data_dir("mitsuba_scenes") / f"{name}.xml", width=24, height=16)
+        images = []
+        for samples_per_pass in (32, 5):
+            monkeypatch.setattr(renderer_module, "MAX_SAMPLES_PER_PASS", samples_per_pass)
+            renderer = TracerRenderer(loaded, "mixture")
+            images.append(renderer.render_batch(3, 7, 32).mean)
+            renderer.release()
+        assert images[0].std() > 0.05
+        np.testing.assert_array_equal(images[0], images[1])
