@@ -112,7 +112,7 @@ class TestCommand:
         path = tmp_path / "calibration.json"
         assert main(["calibrate", "-o", str(path)]) == 0
         lines = capsys.readouterr().out.splitlines()
-        assert lines[1].split() == ["normal", "/", "normal", "5%", *["5.0%"] * 5]
+        assert lines[1].split() == ["normal", "/", "normal", "0.05", *["0.0500"] * 5]
         assert len(lines) == 1 + 2 * 2
         assert calibration.load(path) == made()
 
@@ -121,7 +121,7 @@ class TestCommand:
     ) -> None:
         excessive[0] = 30
         assert main(["calibrate", "-o", str(tmp_path / "c.json")]) == 1
-        assert "box: a / b, verdict with looks: 30 of 300 alarms, 6.8% to 14.0%, where 1% was asked for" in (
+        assert "box: a / b, verdict with looks: 30 of 300 alarms, a rate of 0.0685 to 0.1397, where 0.01 was" in (
             capsys.readouterr().out)
 
     def test_json_is_one_object(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

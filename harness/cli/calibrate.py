@@ -27,7 +27,7 @@ def calibrate(
 
     from harness import calibration
     from harness.files import require_writable
-    from harness.stats.calibration import LEVELS, SUBJECTS
+    from harness.stats.calibration import SUBJECTS, by_case
 
     require_writable(output)
     result = calibration.calibrate(comparisons, progress=progress)
@@ -41,14 +41,12 @@ def calibrate(
         table.add_column("false alarms of")
         for name in ("at most", *SUBJECTS):
             table.add_column(name, justify="right")
-        counted = {(alarms.case, alarms.subject, alarms.level): alarms for alarms in result.alarms}
-        for case in dict.fromkeys(alarms.case for alarms in result.alarms):
-            for level in LEVELS:
-                row = [counted[case, subject, level] for subject in SUBJECTS]
-                table.add_row(case, f"{level:.0%}", *(f"{each.rate.value:.1%}" for each in row))
+        for case, levels in by_case(result.alarms).items():
+            for level, row in levels.items():
+                table.add_row(case, f"{level:g}", *(f"{alarms.rate.value:.4f}" for alarms in row))
         print_rich(table)
         for alarms in excessive:
             low, high = alarms.rate.interval()
-            print(f"{alarms.case}, {alarms.subject}: {alarms.hits} of {alarms.trials} alarms, {low:.1%} to {high:.1%}, "
-                  f"where {alarms.level:.0%} was asked for")
+            print(f"{alarms.case}, {alarms.subject}: {alarms.hits} of {alarms.trials} alarms, a rate of {low:.4f} to "
+                  f"{high:.4f}, where {alarms.level:g} was asked for")
     return 1 if excessive else 0

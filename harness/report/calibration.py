@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from harness.report import formats
 from harness.report.calibration_figure import calibration_svg
 from harness.report.content import CalibrationChapter, Cell, Column, CurveFigure, Mark, Remark, Table
-from harness.stats.calibration import LEVELS, SUBJECTS, Calibration, FalseAlarms, Power, Rate
+from harness.stats.calibration import SUBJECTS, Calibration, FalseAlarms, Power, Rate, by_case
 
 TITLE, ANCHOR = "How far the verdicts can be trusted", "calibration"
 FIGURE_FILE = "calibration-power.svg"
@@ -46,23 +46,21 @@ def calibration_chapter(calibration: Calibration | None) -> tuple[CalibrationCha
 
 
 def _table(calibration: Calibration) -> Table:
-    counted = {(each.case, each.subject, each.level): each for each in calibration.alarms}
-    cases = list(dict.fromkeys(each.case for each in calibration.alarms))
+    cases = by_case(calibration.alarms)
     rows: list[tuple[Cell, ...]] = []
     rules: list[int] = []
-    for case in cases:
+    for case, levels in cases.items():
         rules.append(len(rows))
-        for index, level in enumerate(LEVELS):
-            name = (Cell(case, rows=len(LEVELS)),) if index == 0 else ()
-            rows.append((*name, Cell(f"{100 * level:g}"),
-                         *(_alarm_cell(counted[case, subject, level]) for subject in SUBJECTS)))
+        for index, (level, alarms) in enumerate(levels.items()):
+            name = (Cell(case, rows=len(levels)),) if index == 0 else ()
+            rows.append((*name, Cell(f"{100 * level:g}"), *map(_alarm_cell, alarms)))
     counts = sorted({calibration.cases[case].partition(", ")[2] for case in cases if case in calibration.cases})
-    trials = counted[cases[0], SUBJECTS[0], LEVELS[0]].trials
+    trials, size = calibration.alarms[0].trials, calibration.facts["image size"].replace("x", "×")
     caption = (
         f"False alarms in percent of {formats.count(trials)} independent null comparisons of each case (test / "
         "reference), with 95 % binomial intervals (Clopper and Pearson), beside the rate that was asked for at the "
         "most. Without tolerance, at few samples, where tails are heaviest: "
-        f"{formats.words(counts)}. The verdict is of all "
+        f"{formats.words(counts)}, images of {size} pixels. The verdict is of all "
         "three tests together; with looks it is taken at a quarter, a half and all of the samples.")
     columns = (Column("Case", share=1), Column("Asked", "right"),
                *(Column(subject.capitalize().replace(" ", "\n", 1), "right") for subject in SUBJECTS))
@@ -76,12 +74,12 @@ def _alarm_cell(alarms: FalseAlarms) -> Cell:
 
 
 def _remarks(calibration: Calibration) -> tuple[Remark, ...]:
-    judged = {kind: [each for each in calibration.alarms if each.judgement == kind]
+    shown = [each for levels in by_case(calibration.alarms).values() for alarms in levels.values() for each in alarms]
+    judged = {kind: [each for each in shown if each.judgement == kind]
               for kind in ("excessive", "nominal", "conservative")}
-    total = len(calibration.alarms)
     mark: Mark = "fail" if judged["excessive"] else "pass"
     remarks = [Remark(
-        f"Of {formats.plural(total, 'measured rate')} of false alarms {len(judged['excessive'])} lie above what was "
+        f"Of {formats.plural(len(shown), 'measured rate')} of false alarms {len(judged['excessive'])} lie above what was "
         f"asked for, the intervals of {len(judged['nominal'])} hold it, and {len(judged['conservative'])} lie below.",
         mark)]
     if judged["conservative"]:

@@ -47,7 +47,7 @@ def _decided(axes: Axes, powers: Sequence[Power], title: str) -> None:
     _curve(axes, powers, [Rate(each.passed, each.trials) for each in powers], _PASSED, "o", "passed")
     _curve(axes, powers, [Rate(each.failed, each.trials) for each in powers], _FAILED, "s", "failed")
     axes.axvline(powers[0].tolerance, color="#888888", linewidth=0.7, linestyle=":")
-    axes.legend(loc="center left", frameon=False)
+    axes.legend(loc="center right", frameon=False)
     axes.set_title(title, loc="left")
 
 
@@ -58,8 +58,8 @@ def _found(axes: Axes, powers: Sequence[Power], names: Sequence[str]) -> None:
         for where, marker in (("everywhere", "o"), ("patch", "")):
             mine = [each for each in powers if each.case == name and each.where == where]
             _curve(axes, mine, [Rate(each.failed, each.trials) for each in mine], colour, marker,
-                   name if where == "everywhere" else "")
-    axes.legend(loc="lower right", frameon=True, framealpha=0.8, edgecolor="none", fontsize=RC["xtick.labelsize"])
+                   name.partition(":")[0] if where == "everywhere" else "")
+    axes.legend(loc="center left", frameon=False, handlelength=1.0)
     axes.set_title("Found without tolerance", loc="left")
 
 

@@ -20,8 +20,8 @@ from harness.stats.verdicts import TESTS, Tolerance, bias_verdict
 Pair = tuple[TileSamples, TileSamples]
 Where = Literal["everywhere", "patch"]
 
-# The rates that the tests are asked for when their false alarms are counted.
-LEVELS = (0.05, 0.01)
+# The rates that the tests are asked for when their false alarms are counted; the last is what a suite asks of a gate.
+LEVELS = (0.05, 0.01, 0.001)
 # Relative gains: of the whole image, and of a square of 1 % of it.
 GLOBAL_GAINS = (0.0005, 0.001, 0.002, 0.003, 0.005, 0.01, 0.03)
 PATCH_GAINS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
@@ -108,6 +108,15 @@ def false_alarms(case: str, pairs: Iterable[Pair], looks: Looks) -> list[FalseAl
     p = np.array([[_p_values(_until(pair, looks, look)) for look in range(len(looks.samples))] for pair in pairs])
     return [FalseAlarms(case, subject, level, int(np.sum(alarm)), len(p))
             for level in LEVELS for subject, alarm in zip(SUBJECTS, _alarms(p, looks, level), strict=True)]
+
+
+def by_case(alarms: Sequence[FalseAlarms]) -> dict[str, dict[float, list[FalseAlarms]]]:
+    """Case -> level -> one a subject, for levels at which at least one alarm was to be expected."""
+    cases: dict[str, dict[float, list[FalseAlarms]]] = {}
+    for each in alarms:
+        if each.level * each.trials >= 1:
+            cases.setdefault(each.case, {}).setdefault(each.level, []).append(each)
+    return cases
 
 
 def together(alarms: Sequence[FalseAlarms], case: str) -> list[FalseAlarms]:

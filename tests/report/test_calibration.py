@@ -13,7 +13,7 @@ from harness.report import build_report
 from harness.report.calibration import FIGURE_FILE, calibration_chapter
 from harness.report.content import CalibrationChapter
 from harness.results import StudyResult
-from harness.stats.calibration import LEVELS, SUBJECTS
+from harness.stats.calibration import SUBJECTS
 from tests.made_calibration import calibration
 
 
@@ -29,7 +29,7 @@ def test_nothing_measured_is_no_chapter() -> None:
 
 def test_the_table_has_a_rate_with_its_interval_for_every_case_level_and_test() -> None:
     table = chapter().alarms
-    assert len(table.rows) == 2 * len(LEVELS)
+    assert len(table.rows) == 2 * 2, "at 0.1 % nothing was to be expected of 300"
     first, second = table.rows[:2]
     assert [cell.text for cell in first[:3]] == ["normal / normal", "5", "5.0\xa0[2.8,\xa08.1]"]
     assert [cell.text for cell in second[:2]] == ["1", "1.0\xa0[0.2,\xa02.9]"]
@@ -54,7 +54,7 @@ def test_power_is_told_at_the_tolerance_and_where_it_is_sure() -> None:
 def test_the_figure_holds_both_outcomes_and_every_case_without_tolerance() -> None:
     _, assets = calibration_chapter(calibration())
     texts = re.findall(r"<text[^>]*>(.*?)</text>", assets[FIGURE_FILE].decode())
-    assert {"passed", "failed", "box: a / b"} <= set(texts)
+    assert {"passed", "failed", "box"} <= set(texts)
     assert assets == calibration_chapter(calibration())[1], "the same bytes again"
 
 

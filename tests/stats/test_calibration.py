@@ -14,6 +14,7 @@ from harness.stats.calibration import (
     FalseAlarms,
     Pair,
     Rate,
+    _alarms,
     false_alarms,
     power,
     together,
@@ -22,7 +23,7 @@ from harness.stats.levels import Looks
 from harness.stats.sequential import Sequence
 from harness.stats.synthetic import NOISES, Plan, draw, with_gain
 from harness.stats.tiles import TileSamples
-from harness.stats.verdicts import Tolerance
+from harness.stats.verdicts import TESTS, Tolerance
 
 PLAN = Plan(side=60, batches=32, spp=4)
 LOOKS = Looks((64, 128))
@@ -56,6 +57,14 @@ class TestFalseAlarms:
                  for test, reference in pairs(rng, "normal", "normal", 20)]
         counted = {(each.subject, each.level): each for each in false_alarms("case", local, LOOKS)}
         assert counted["smaller tiles", 0.01].hits == 20 > counted["image", 0.01].hits
+
+    def test_at_an_early_look_must_be_surer(self) -> None:
+        """Of 5 % the first quarter of the samples may spend 1.25 %, a third of that in each of three tests."""
+        p = np.full((3, 2, TESTS), 0.9)
+        p[0, 0, 1], p[1, 0, 1], p[2, 1, 1] = 0.004, 0.005, 0.012
+        *_, verdict, looks = _alarms(p, Looks((32, 128)), 0.05)
+        assert looks.tolist() == [True, False, True]
+        assert verdict.tolist() == [False, False, True]
 
     def test_of_several_cases_add_up(self) -> None:
         alarms = [FalseAlarms(case, subject, level, 1, 10) for case in "ab" for level in LEVELS for subject in SUBJECTS]
