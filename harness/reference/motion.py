@@ -29,7 +29,7 @@ from harness.scene.motion import moving, screw
 # Moving the shapes of a scene and launching a kernel take about as long as this many samples at 192 x 144: with 4 a
 # moment, 2048 samples of motion_blur.xml take 15 s, with 1, 38 s, with 64, 8 s.
 SAMPLES_PER_MOMENT = 4
-# The same where a displaced sphere moves: the search structure of a mesh of 3 million triangles takes 2 s of CPU time to
+# The same where a displaced sphere moves: the search structure of a mesh of 3 million triangles takes 2 CPU seconds to
 # build (for an instance of a group too, since Mitsuba builds that anew), so 2048 samples see 64 moments.
 SAMPLES_PER_MOMENT_OF_A_MESH = 32
 # Tells the shifts' random stream from other uses of the replica's number.

@@ -64,6 +64,13 @@ def test_a_motion_is_read_from_the_file(write: Any) -> None:
     assert shape.motion is None
 
 
+def test_any_turn_below_a_half_is_a_motion(write: Any) -> None:
+    """The message on half turns is for them alone."""
+    for degrees in (-179.9, 150, 179.9):
+        (shape,) = load_scene(write(moved(f'<rotate x="0.6" z="0.8" angle="{degrees}"/>'))).shapes
+        assert screw(shape.motion).angle == pytest.approx(np.radians(abs(degrees)))
+
+
 def test_a_rotation_of_rounded_numbers_is_made_one(write: Any) -> None:
     """Five digits of a matrix are read as the nearest rotation, so that powers neither grow nor shrink."""
     (shape,) = load_scene(write(moved('<matrix value="0.86603 -0.5 0  0.5 0.86603 0  0 0 1"/>'))).shapes

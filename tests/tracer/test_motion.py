@@ -121,3 +121,50 @@ def test_motion_leaves_no_sample_out() -> None:
     renderer.release()
     assert whole.rejected == 0
     np.testing.assert_array_equal(whole.mean, parts.mean)
+
+
+CAMERA = '<transform name="to_world"><lookat origin="0,0,6" target="0,0,0" up="0,1,0"/></transform>'
+SKY = '<emitter type="constant"><float name="radiance" value="1"/></emitter>'
+
+
+def image(scene: Scene, samples: int = 256) -> np.ndarray:
+    """The mean by cosine sampling, (16, 16, 3): without variance on a convex diffuse body under an even sky."""
+    renderer = TracerRenderer(scene, "cosine")
+    try:
+        return renderer.render_batch(0, 0, samples).mean
+    finally:
+        renderer.release()
+
+
+def before_camera(shutter: tuple[float, float]) -> str:
+    """A sensor that looks at the origin from z = 6."""
+    return SENSOR.format(*shutter).replace("<film", f'<float name="fov" value="20"/>{CAMERA}<film')
+
+
+def test_a_turning_body_keeps_its_albedo(scene: Any) -> None:
+    """Under an even sky a convex diffuse body is its albedo, however it turns: no ray starts into it, or misses light.
+
+    Normals that stay at rest would. Pixels that the box always fills are exact.
+    """
+    cube = """<shape type="cube"><transform name="to_world"><scale value="0.5"/></transform>
+        <transform name="motion"><rotate x="0.6" z="0.8" angle="90"/></transform>
+        <bsdf type="diffuse"><rgb name="reflectance" value="0.8, 0.5, 0.2"/></bsdf></shape>"""
+    found = image(scene(cube + SKY, sensor=before_camera(SHUTTER)))[6:10, 6:10]
+    np.testing.assert_allclose(found, np.broadcast_to([0.8, 0.5, 0.2], (4, 4, 3)), rtol=1e-5)
+
+
+@pytest.mark.parametrize("texture", ["marble", "checkerboard"])
+@pytest.mark.parametrize("what", ["reflectance", "radiance"])
+@pytest.mark.parametrize("kind", ["sphere", "cube"])
+def test_textures_move_with_the_shape(scene: Any, kind: str, what: str, texture: str) -> None:
+    """A shutter that closes at once after it opened sees what one of a single moment sees: the same film samples."""
+    element = f'<texture type="{texture}" name="{what}"/>'
+    surface = f'<bsdf type="diffuse">{element}</bsdf>' if what == "reflectance" else (
+        f'<bsdf type="diffuse"><float name="reflectance" value="0"/></bsdf><emitter type="area">{element}</emitter>')
+    body = f"""<shape type="{kind}"><transform name="to_world"><scale value="0.8"/></transform>
+        <transform name="motion">{MOTIONS["screw"]}</transform>{surface}</shape>{SKY}"""
+    found = image(scene(body, sensor=before_camera((0.4, 0.4000001))), samples=64)
+    expected = image(scene(body, sensor=before_camera((0.4, 0.4))), samples=64)
+    assert np.ptp(expected[4:12, 4:12]) > 0.05, "the texture shows"
+    assert np.median(np.abs(found - expected)) < 1e-5
+    assert np.abs(found - expected).max() < 0.03, "samples at the edge of a square may fall on either side"
