@@ -15,7 +15,10 @@ RunHarness = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A cold cache for the run, shared by pytest-xdist's workers; the user's cache is neither used nor touched."""
+    """A cold cache for the run, shared by pytest-xdist's workers; the user's is neither used nor touched.
+
+    But for the gates, which the plugin runs without fixtures: their references stay in the user's cache.
+    """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
