@@ -24,9 +24,9 @@
 #include "lib/shapes.glsl"
 
 // Height above the surface, in radii, that counts as met: some twenty times the rounding errors of f. It grows from step
-// to step, so that a ray that creeps along the surface comes to an end: after 60 steps to 4e-5, after 128 to 1e-3.
+// to step, so that a ray that creeps along the surface comes to an end: after 100 steps to 1.5e-5.
 const float MARCH_TOLERANCE = 2e-6;
-const float MARCH_TOLERANCE_GROWTH = 1.05;
+const float MARCH_TOLERANCE_GROWTH = 1.02;
 // How much farther than a parabola reaches; nearly 2, where the stretch behind would be proven only just.
 const float MARCH_RELAXATION = 1.8;
 // But no nearer to where the tangent of f reaches zero than this part of the way: the surface is likely there.
