@@ -120,8 +120,8 @@ def _result(gate: Gate, scene: Scene, looks: list[Look], ours: Run, theirs: Run 
     estimate = ours.estimate()
     drawn = estimate.samples * scene.width * scene.height
     if estimate.rejected > gate.not_finite * drawn:
-        outcome, reason = "fail", (f"{estimate.rejected} of {drawn} samples were not finite; look for a division by "
-                                   "zero, or a root or power of a negative number")
+        outcome, reason = "fail", (f"{estimate.rejected} of {drawn} samples were not finite, or not counted in alpha; "
+                                   "look for a division by zero, or a root or power of a negative number")
     elif outcome == "inconclusive":
         reason += f"; the budget of {gate.replicas} x {gate.spp} samples per pixel has ended"
     return GateResult(gate, outcome, reason, tuple(looks), _curve(gate, ours, theirs), estimate, theirs.estimate(),
