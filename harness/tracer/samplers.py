@@ -63,5 +63,5 @@ class Samplers:
                                "scale it down")
         rgba = np.ones((height, width, 4), dtype=np.float32)
         rgba[..., :3] = texels
-        self._textures[name] = gl.texture((width, height), 4, rgba.tobytes(), dtype="f4")
+        self._textures[name] = gl.texture((width, height), 4, rgba.data, dtype="f4")
         return self._textures[name]
