@@ -80,7 +80,8 @@ def _remarks(calibration: Calibration) -> tuple[Remark, ...]:
     mark: Mark = "fail" if judged["excessive"] else "pass"
     remarks = [Remark(
         f"Of {formats.plural(len(shown), 'measured rate')} of false alarms {len(judged['excessive'])} lie above what "
-        f"was asked for, the intervals of {len(judged['nominal'])} hold it, and {len(judged['conservative'])} lie below.",
+        f"was asked for, the intervals of {len(judged['nominal'])} hold it, and {len(judged['conservative'])} lie "
+        "below.",
         mark)]
     if judged["conservative"]:
         remarks.append(Remark(

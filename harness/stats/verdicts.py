@@ -194,8 +194,9 @@ def _borrowed(moments: TileMoments, scale: np.ndarray) -> np.ndarray:
     `spheres` at 128 samples per pixel, uniform sampling against the mixture, alarm on 60 of 100 null comparisons
     without this and on none with it. (No method helps where bright samples fall on one tile alone that has seen none.)
     Two neighbourhoods count, 3 x 3 tiles and one that holds `BRIGHT_SAMPLES`: were all variance from bright samples, a
-    tile's mean with skewness g would come from 1/g² of them. Averaged is the variance of one pixel; a neighbour more
-    than `BRIGHTER` times as bright counts as if it were that, lest a lamp blind the tiles beside it.
+    tile's mean with skewness g would come from 1/g² of them. Averaged is the variance of one pixel; at the most it is
+    what a tile `BRIGHTER` times as bright would have of the neighbours' relative variance, lest a lamp blind the tiles
+    beside it.
     """
     if moments.variance.shape[:2] == (1, 1):
         return moments.variance
@@ -205,19 +206,22 @@ def _borrowed(moments: TileMoments, scale: np.ndarray) -> np.ndarray:
     known = np.isfinite(mean) & (mean > 0)
     skewness = np.divide(third, mean**1.5, out=np.zeros_like(mean), where=known) / np.sqrt(moments.pixels.max())
     radius = max(1, math.ceil((math.sqrt(BRIGHT_SAMPLES) * float(skewness.max()) - 1) / 2))
-    floor = np.maximum(_around(single, scale, 1), _around(single, scale, radius) if radius > 1 else 0.0)
-    return np.maximum(moments.variance, floor / moments.pixels)
+    relative = single / scale**2
+    floors = [np.minimum(_around(single, each), (BRIGHTER * scale)**2 * _around(relative, each))
+              for each in {1, radius}]
+    # Differences of sums may fall below zero by rounding; no variance does.
+    return np.maximum.reduce([moments.variance, *(floor / moments.pixels for floor in floors)])
 
 
-def _around(single: np.ndarray, scale: np.ndarray, radius: int) -> np.ndarray:
-    """Means over windows of 2 `radius` + 1 tiles a side, which are shifted inwards at the edges; see `_borrowed`."""
-    sides = [min(2 * radius + 1, length) for length in single.shape[:2]]
-    rows, columns = (np.clip(np.arange(length) - radius, 0, length - side)
-                     for length, side in zip(single.shape, sides, strict=False))
-    absolute, relative = (np.lib.stride_tricks.sliding_window_view(values, sides, axis=(0, 1))[np.ix_(rows, columns)]
-                          for values in (single, single / scale**2))
-    bound = (BRIGHTER * scale[..., None, None])**2 * relative
-    return np.minimum(absolute, bound).mean(axis=(-2, -1))
+def _around(values: np.ndarray, radius: int) -> np.ndarray:
+    """Means over windows of 2 `radius` + 1 tiles a side, which are shifted inwards at the edges; (rows, columns, C)."""
+    for axis in (0, 1):
+        length = values.shape[axis]
+        side = min(2 * radius + 1, length)
+        first = np.clip(np.arange(length) - radius, 0, length - side)
+        sums = np.concatenate([np.zeros_like(values.take([0], axis)), values.cumsum(axis)], axis)
+        values = (sums.take(first + side, axis) - sums.take(first, axis)) / side
+    return values
 
 
 def _interval(pair: _Pair, error: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ from harness.stats.verdicts import TESTS, Tolerance
 
 PLAN = Plan(side=60, batches=32, spp=4)
 LOOKS = Looks((64, 128))
-COMPARISONS = 60
+COMPARISONS = 40
 
 
 def pairs(rng: np.random.Generator, ours: str, theirs: str, count: int, plan: Plan = PLAN) -> list[Pair]:
@@ -49,14 +49,14 @@ class TestFalseAlarms:
 
     def test_would_be_found_excessive(self, rng: np.random.Generator) -> None:
         """A pair that differs by 3 % alarms, at the first look already; so does a tile alone that does."""
-        broken = [(with_gain(test, 0.03), reference) for test, reference in pairs(rng, "normal", "normal", 20)]
+        broken = [(with_gain(test, 0.03), reference) for test, reference in pairs(rng, "normal", "normal", 10)]
         counted = {(each.subject, each.level): each for each in false_alarms("case", broken, LOOKS)}
-        assert counted["image", 0.01].hits == counted["verdict with looks", 0.05].hits == 20
+        assert counted["image", 0.01].hits == counted["verdict with looks", 0.05].hits == 10
         assert counted["image", 0.05].judgement == "excessive"
         local = [(with_gain(test, 0.9, (12, 12, 6)), reference)
-                 for test, reference in pairs(rng, "normal", "normal", 20)]
+                 for test, reference in pairs(rng, "normal", "normal", 10)]
         counted = {(each.subject, each.level): each for each in false_alarms("case", local, LOOKS)}
-        assert counted["smaller tiles", 0.01].hits == 20 > counted["image", 0.01].hits
+        assert counted["smaller tiles", 0.01].hits == 10 > counted["image", 0.01].hits
 
     def test_at_an_early_look_must_be_surer(self) -> None:
         """Of 5 % the first quarter of the samples may spend 1.25 %, a third of that in each of three tests."""
@@ -78,12 +78,12 @@ class TestPower:
     def test_a_plan_passes_the_good_and_fails_the_bad(self, rng: np.random.Generator) -> None:
         """Standard errors: 0.24 % of the image, 4.7 % of a small tile. Three times the tolerance is found early."""
         plan = Sequence(LOOKS, Tolerance(0.02, 0.08, 0.4))
-        gains = power("case", pairs(rng, "normal", "normal", 5), plan, rng)
+        gains = power("case", pairs(rng, "normal", "normal", 4), plan, rng)
         by = {(each.where, each.gain): each for each in gains}
-        assert all(each.trials == 5 and each.failed + each.passed <= 5 for each in gains)
-        assert by["everywhere", 0.0].passed == 5 and by["everywhere", 0.0].failed == 0
+        assert all(each.trials == 4 and each.failed + each.passed <= 4 for each in gains)
+        assert by["everywhere", 0.0].passed == 4 and by["everywhere", 0.0].failed == 0
         assert by["everywhere", 0.03].failed > 0 and by["everywhere", 0.03].passed == 0
-        assert by["patch", 0.01].passed == 5
+        assert by["patch", 0.01].passed == 4
         assert by["patch", 0.5].passed == 0
         assert by["everywhere", 0.0].tolerance == 0.02 and by["patch", 0.5].tolerance == 0.4
         assert by["everywhere", 0.0].share <= 1.0
