@@ -27,7 +27,7 @@ from harness.scene.model import Displacement, Shape
 NORMAL_ERROR = 4e-3
 # Cells along an edge of the cube to choose from. 256 are 800,000 triangles, 20 MB on disk, and take Mitsuba 0.1 GB; the
 # finest are 3.1 million, 80 MB, and 0.4 GB.
-RESOLUTIONS = (64, 128, 256, 512)
+RESOLUTIONS = (128, 256, 512)
 # Triangles at whose middle the error is measured.
 PROBES = 20_000
 # Directions evaluated at once: each takes about half a kilobyte.
