@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.estimate import Accumulator, Estimate, luminance
 from harness.exhibits import checks
-from harness.exhibits.estimators import HEIGHT, WIDTH, mean_error
+from harness.exhibits.estimators import HEIGHT, WIDTH, mean_error, percentage
 from harness.exhibits.texts import exhibit
 from harness.exhibits.variants import NOISE, OURS, RANDOM, Variant
 from harness.files import data_dir
@@ -23,9 +23,9 @@ from harness.store import Store
 from harness.studies import study
 
 BOTH = (("handout", RANDOM), ("ours", OURS))
-# Passes from which random numbers are looked at: the first, and those that a picture of 20,000 rays per pixel, or one
-# left running over night, gets to.
-LATE, LATEST = 100_000, 1_000_000
+# Passes from which random numbers are looked at besides the first: the last of the handout's own picture, and what a
+# render left running over night gets to.
+LATE, LATEST = (20_000, 100_000), 1_000_000
 NOISE_SPP = 256
 CURVE_SPP, TRUTH_SPP = 2048, 4096
 # A generator of 24-bit numbers repeats itself as often as chance has it (a standard deviation is 5e-4 of it), and a
@@ -55,20 +55,21 @@ def random_numbers(store: Store | None) -> Exhibit:
     return exhibit("sine-random", findings, images,
                    (_value_plot(), _row_plot(), Plot("RMSE (radiance)", "passes", "xy", tuple(curves))),
                    passes=CURVE_SPP, excess=100 * float(curves[0].y[-1] / curves[1].y[-1] - 1), rows=rows,
-                   columns=columns)
+                   columns=columns, mean=percentage(findings[-1]), picture=percentage(findings[2]) / 100)
 
 
 def _number_findings() -> tuple[Finding, ...]:
     """What the numbers themselves show, without a scene."""
     first = [checks.random_numbers(variant, 0)[..., :4].ravel() for _, variant in BOTH]
-    late = [checks.random_numbers(variant, LATE)[..., 0] - 0.5 for _, variant in BOTH]
+    late = {number: [checks.random_numbers(variant, number)[..., 0] - 0.5 for _, variant in BOTH] for number in LATE}
     shares = [checks.distinct_share(numbers) for numbers in first]
     coarse = [float((numbers * 256 % 1 == 0).mean()) for numbers in first]
     return (Finding("distinct values", f"among {first[0].size:,} numbers of pass 0, as a share of those expected",
                     shares[0], shares[1], "share", shares[0] < ENOUGH_VALUES, shares[1] > ENOUGH_VALUES),
             Finding("distinct values", "whole multiples of 1/256 among them; expected 0.0015 %", coarse[0], coarse[1],
                     "share", coarse[0] > TOO_COARSE, coarse[1] < TOO_COARSE),
-            _correlated("rand() in pixels one above the other, pass 100,000", late, 0))
+            *(_correlated(f"rand() in pixels one above the other, pass {number:,}", fields, 0)
+              for number, fields in late.items()))
 
 
 def _correlated(measures: str, fields: Sequence[np.ndarray], axis: int) -> Finding:
