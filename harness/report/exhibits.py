@@ -47,10 +47,11 @@ def exhibits_chapter(exhibits: Sequence[Exhibit]) -> tuple[Exhibits | None, Asse
     sections = tuple(_section(exhibit, assets) for exhibit in exhibits)
     checks = sorted({finding.check for exhibit in exhibits for finding in exhibit.findings if finding.caught})
     introduction = (
-        f"The course handout that this path tracer comes from holds {formats.plural(len(exhibits), 'error')}. Each was "
-        "put, word for word, in the place of the library's own function, and run. Here is what it does to the numbers "
-        "and to the picture, which check finds it, and what to write instead. Every check is run on the library's "
-        f"function as well, and must pass it. The checks: {formats.words(checks)}.")
+        "The course handout that this path tracer comes from holds, or leaves room for, "
+        f"{formats.plural(len(exhibits), 'error')}. Its formulas were put, word for word, in the place of the library's "
+        "own functions, and run. Here is what each does to the numbers and to the picture, which check finds it, and "
+        "what to write instead. Every check is run on the library's functions as well, and must pass them. The checks: "
+        f"{formats.words(checks)}.")
     return Exhibits(TITLE, ANCHOR, introduction, _overview(exhibits), sections), assets
 
 
