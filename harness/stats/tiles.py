@@ -34,8 +34,8 @@ class TileSamples:
 
     `means`: (B, rows, columns, C). `samples`: (B,), samples per pixel of each batch; a single batch of zero samples is
     an exact image. `height`, `width`: of the image, in pixels. Batches must be independent and should be about equal in
-    size, 32 of them or more; from as few as 8 skewness is guesswork, and a verdict passes at 1.4 times the tolerance
-    that 16 would need.
+    size, 32 of them or more; from as few as 8 skewness is guesswork, and tiles take more than 1.4 times the
+    tolerance to pass that they take from 16.
     """
 
     means: np.ndarray
