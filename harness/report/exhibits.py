@@ -49,8 +49,8 @@ def exhibits_chapter(exhibits: Sequence[Exhibit]) -> tuple[Exhibits | None, Asse
     introduction = (
         "The course handout that this path tracer comes from holds, or leaves room for, "
         f"{formats.plural(len(exhibits), 'error')}. Its formulas were put, word for word, in the place of the "
-        "library's own functions, and run. Here is what each does to the numbers and to the picture, which check finds it, "
-        "and what to write instead. Every check is run on the library's functions as well, and must pass them. The "
+        "library's own functions, and run. Here is what each does to the numbers and to the picture, which check finds "
+        "it, and what to write instead. Every check is run on the library's functions as well, and must pass them. The "
         f"checks: {formats.words(checks)}.")
     return Exhibits(TITLE, ANCHOR, introduction, _overview(exhibits), sections), assets
 
