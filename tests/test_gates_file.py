@@ -120,6 +120,8 @@ class TestRefusals:
         ("tolerance = 0.1", 6, "'tolerance' must be a table, found 0.1"),
         ("tolerance = { mean = 0 }", 6, "'mean' must be a number above 0 up to 1, found 0"),
         ("tolerance = { mean = -0.1 }", 6, "'mean' must be a number above 0"),
+        ("tolerance = { mean = 1.5 }", 6, "'mean' must be a number above 0 up to 1, found 1.5"),
+        ("tolerance = { fine = 11 }", 6, "'fine' must be a number above 0 up to 10, found 11"),
         ("tolerance = { tile = 0.1 }", 6, "unknown key 'tile'; allowed: mean, coarse, fine"),
         ("[gate.tolerance]\nmean = 0.002\n\ncoarse = 0.001", 9,
          "contradictory tolerances: 'coarse' (0.001), of a part of the image, is below 'mean' (0.002)"),

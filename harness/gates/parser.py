@@ -53,6 +53,7 @@ DEFAULTS: dict[str, Any] = {"spp": 32, "replicas": 64, "reference": {"spp": 32},
 # The whole file raises a false alarm with at most this probability, unless its [suite] says otherwise.
 FALSE_ALARMS = 0.01
 MAX_SPP = 1 << 16  # of one replica
+MAX_TILE = 10.0  # a tolerance of tiles beyond 1 sees nothing but fireflies: for gates that mean the mean alone
 
 _GATE_KEYS = ("name", "scene", "strategy", "reason", "tolerance", "spp", "replicas", "size", "reference", "confidence",
               "not_finite", "shader", "glsl")
@@ -148,8 +149,8 @@ def _tolerance(table: _Table) -> Tolerance:
     given = table.table("tolerance")
     given.only("mean", "coarse", "fine")
     standard = Tolerance()
-    mean, coarse, fine = (given.number(key, getattr(standard, key), low=0.0, high=1.0, or_high=True)
-                          for key in ("mean", "coarse", "fine"))
+    mean, coarse, fine = (given.number(key, getattr(standard, key), low=0.0, high=high, or_high=True)
+                          for key, high in (("mean", 1.0), ("coarse", MAX_TILE), ("fine", MAX_TILE)))
     for key, value, wider, bound in (("coarse", coarse, "mean", mean), ("fine", fine, "coarse", coarse)):
         if value < bound:
             raise given.error(key if key in given.values else wider,
