@@ -59,7 +59,8 @@ def test_lengths_are_in_the_units_of_the_radius(write: FileWriter) -> None:
                                         '<transform name="to_world"><scale value="0.5"/></transform>')))
     shape = scene.shapes[0]
     assert shape.displacement is not None and shape.displacement.amplitude == pytest.approx(0.05)
-    np.testing.assert_allclose(shape.matrix, [[2, 0, 0, 0.5], [0, 2, 0, 1], [0, 0, 2, 1.5], [0, 0, 0, 1]])
+    expected = np.array([[2, 0, 0, 0.5], [0, 2, 0, 1], [0, 0, 2, 1.5], [0, 0, 0, 1.0]])
+    np.testing.assert_allclose(shape.matrix, expected)
 
 
 def test_a_mirrored_displaced_sphere_faces_outwards(write: FileWriter) -> None:
