@@ -13,8 +13,8 @@ from harness.cli.output import JsonOption, print_json, print_rich, progress
 
 def gate(
     file: Annotated[Path, typer.Argument(help="A gates file (.toml).")] = Path("tests/gates.toml"),
-    only: Annotated[list[str] | None, typer.Option("--only", metavar="NAME", help="Run this gate, or those of this entry; "
-                                                   "may be given several times.")] = None,
+    only: Annotated[list[str] | None, typer.Option(
+        "--only", metavar="NAME", help="Run this gate, or this entry's; may be given several times.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the summary page, and for what gates that "
                                          "do not pass leave behind.")] = Path("reports/out/gates"),
     cache: CacheOption = True,
