@@ -13,7 +13,7 @@
 //
 // Far from the surface f bends much less than it might, so a ray goes farther than that, and the point where it arrives
 // proves the stretch behind it free by a parabola of its own, or else it goes back: Keinert et al. 2014, "Enhanced
-// Sphere Tracing", section 3.1, with parabolas for spheres. That saves another 40 % of the steps.
+// Sphere Tracing", with parabolas for spheres. That saves another 40 % of the steps.
 //
 // The scene's generated code defines DISPLACED_SPHERES, their number, MAX_MARCH_STEPS, whether any colour ramp HAS_CORNERS
 // or any wood HAS_RINGS, and the functions declared below (harness/tracer/displaced.py); how the bounds are found stands
