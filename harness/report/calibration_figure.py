@@ -17,7 +17,7 @@ from harness.report.style import RC
 from harness.stats.calibration import Power, Rate
 
 _CM = 1 / 2.54
-WIDTH_CM, HEIGHT_CM = 17.0, 6.2
+WIDTH_CM, HEIGHT_CM = 17.0, 5.5
 # Of the palette of Okabe and Ito, as in `style`.
 _PASSED, _FAILED = "#009e73", "#d55e00"
 _CASES = ("#0072b2", "#e69f00", "#cc79a7", "#56b4e9", "#000000")
@@ -31,7 +31,7 @@ def calibration_svg(powers: Sequence[Power]) -> tuple[bytes, list[str]]:
         figure = Figure(figsize=(WIDTH_CM * _CM, HEIGHT_CM * _CM))
         FigureCanvasSVG(figure)
         panels = figure.subplots(1, 3, sharey=True)
-        figure.subplots_adjust(left=0.05, right=0.985, bottom=0.16, top=0.9, wspace=0.1)
+        figure.subplots_adjust(left=0.05, right=0.985, bottom=0.18, top=0.9, wspace=0.1)
         for axes, where, title in ((panels[0], "everywhere", "Gain of everything"),
                                    (panels[1], "patch", "Gain in 1 % of the image")):
             _decided(axes, [each for each in powers if each.tolerance > 0 and each.where == where], title)
