@@ -18,7 +18,7 @@ gallery: setup  ## Render the handout's two pictures, 1024 x 1024, with all thei
 	.venv/bin/harness gallery
 
 test: setup  ## Run every unit test and every tolerance gate
-	.venv/bin/pytest
+	.venv/bin/pytest -n 2 --dist worksteal
 
 mutants: setup  ## Seed one-line bugs into the shader and show which gates notice them
 	.venv/bin/harness mutants

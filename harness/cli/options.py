@@ -26,7 +26,7 @@ CALIBRATION_FILE = "calibration.json"
 MUTANTS_FILE = "mutants.json"
 # Largest --spp: the reference's seeds tell this many samples of a replica apart (reference.renderer.START_BITS).
 MAX_SPP = 1 << 22
-# Stops by which an image may be brightened or darkened for display, as in a scene file (scene.loader.MAX_EXPOSURE).
+# Stops by which an image may be brightened or darkened for display, as in a scene file (scene.sensors.MAX_EXPOSURE).
 MAX_EXPOSURE = 64.0
 # What a study holds of each pixel at its peak: sums, batches and textures; measured 480, and 12 for each later batch.
 BYTES_PER_PIXEL = 600

@@ -148,7 +148,7 @@ class TestNumbers:
     def test_have_the_limits_of_what_they_are_passed_to(self) -> None:
         """The options' module must import fast, so it repeats limits of modules that do not."""
         assert MAX_SPP == 1 << START_BITS
-        assert MAX_EXPOSURE == loader.MAX_EXPOSURE
+        assert MAX_EXPOSURE == sensors.MAX_EXPOSURE
 
 
 class TestOutputs:
