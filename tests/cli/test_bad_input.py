@@ -10,7 +10,7 @@ from harness.cli import main
 from harness.cli.options import MAX_EXPOSURE, MAX_SPP
 from harness.errors import SceneError
 from harness.reference.renderer import START_BITS
-from harness.scene import load_scene, loader
+from harness.scene import load_scene, sensors
 from tests.cli.conftest import SKY, Harness, refusal
 
 pytestmark = pytest.mark.usefixtures("no_renderer")
