@@ -35,7 +35,9 @@ from harness.tracer.renderer import TracerRenderer, check_strategy, suitable_str
 # A reference of this many times the samples of one replica adds little to what is compared with it.
 REFERENCE_FACTOR = 4
 # Replicas that a study may add to those asked for, as a multiple of them, where its verdict needs them.
-MAX_REPLICA_FACTOR = 8
+MAX_REPLICA_FACTOR = 16
+# Samples that Mitsuba's reference may grow to, as a multiple of those asked for, where the verdicts need them.
+MAX_REFERENCE_FACTOR = 8
 # The half-width of the error's interval that a study aims at, as a part of the tolerance: an unbiased strategy whose
 # standard error is a fifth of the tolerance leaves its interval inside with probability 0.997 a channel.
 PRECISION = 0.4
@@ -55,7 +57,7 @@ class Profile:
 
 
 PROFILES = {
-    "quick": Profile(spp=512, replicas=8, reference_spp=2048),
+    "quick": Profile(spp=256, replicas=8, reference_spp=1024),
     "full": Profile(spp=8192, replicas=12, reference_spp=65536),
 }
 
@@ -67,8 +69,9 @@ def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1
     """Convergence curves, verdict and cost of each strategy on one scene, against one reference.
 
     `strategies`: all that suit the scene where None. `spp`: samples per pixel of each replica; where `replicas` are
-    too few to decide, more are added, up to `max_replicas` (8 x replicas by default). `reference`: a ready one (closed
-    form, file); otherwise Mitsuba renders `reference_spp` samples, 4 x spp by default. `tolerance`: that of
+    too few to decide, more are added, up to `max_replicas` (16 x replicas by default). `reference`: a ready one (closed
+    form, file); otherwise Mitsuba renders `reference_spp` samples, 4 x spp by default, and up to 8 times as many where
+    its own noise would keep the verdicts from deciding. `tolerance`: that of
     `tolerance_for` where None. A study that was
     interrupted continues from the store. Raises HarnessError for an unknown strategy, counts below their minimum, an
     image too small for SSIM, and a reference of another size or with pixels that are not finite.
@@ -85,7 +88,7 @@ def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1
     metrics.require_ssim_size(scene.height, scene.width)
     kind = "given" if reference else "Mitsuba"
     if reference is None:
-        reference = render_reference(scene, reference_spp or REFERENCE_FACTOR * spp, store=store, progress=progress)
+        reference = _precise_reference(scene, reference_spp or REFERENCE_FACTOR * spp, plan.tolerance, store, progress)
     if reference.mean.shape[:2] != (scene.height, scene.width):
         raise HarnessError(f"the reference is {reference.mean.shape[1]} x {reference.mean.shape[0]} pixels, the scene "
                            f"{scene.width} x {scene.height}; render both at the same size")
@@ -98,6 +101,19 @@ def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1
         scene=scene.name, description=describe(scene.path) if scene.path else "", scene_hash=scene.content_hash,
         exposure=scene.exposure, reference=reference, reference_kind=kind, strategies=tuple(results),
         notes=(*scene.notes, *filter(None, [reason])), provenance=_provenance(scene, plan, reference))
+
+
+def _precise_reference(scene: Scene, spp: int, tolerance: float, store: Store | None, progress: Progress) -> Estimate:
+    """Mitsuba's image, with so many samples that it takes at most half of what the verdicts' intervals may be wide.
+
+    As with replicas (Stein 1945), how many is decided from the variance of the first `spp` alone.
+    """
+    pilot = render_reference(scene, spp, store=store, progress=progress)
+    excess = 2 * pilot.image_variance / error_scale(pilot.image_mean) ** 2 / (tolerance * PRECISION / STUDENT) ** 2
+    if not np.isfinite(excess).all() or excess.max() <= 1:
+        return pilot
+    more = min(math.ceil(spp * float(excess.max())), MAX_REFERENCE_FACTOR * spp)
+    return render_reference(scene, more, store=store, progress=progress)
 
 
 @dataclass(frozen=True)
