@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from harness.errors import HarnessError, ShaderError
-from harness.estimate import Batch, Estimate, merge
+from harness.estimate import Batch, Estimate, merge, with_luminance
 from harness.exr import write_estimate
 from harness.files import data_dir
 from harness.gates import Gate, References, run_gate
-from harness.gates.references import Run, tiles_of, with_luminance
+from harness.gates.references import Run, tiles_of
 from harness.gates.runner import check_gate, gate_source
 from harness.reference.renderer import ReferenceRenderer
 from harness.stats.tiles import TileAccumulator

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.estimate import Accumulator, Batch, Estimate, luminance
+from harness.estimate import Accumulator, Batch, Estimate, with_luminance
 from harness.exr import read_estimate
 from harness.gates.model import FileReference, Gate, MitsubaReference, ValueReference
 from harness.reference.renderer import ReferenceRenderer
@@ -113,12 +113,6 @@ def tiles_of(estimate: Estimate, tile: int) -> TileSamples:
     noise /= np.sqrt((noise**2).sum(axis=0) / (estimate.batches * (estimate.batches - 1)))
     return TileSamples(tile_sums(image, tile) / pixels + sigma * noise,
                        np.full(estimate.batches, estimate.samples / estimate.batches), tile, *image.shape[:2])
-
-
-def with_luminance(image: np.ndarray) -> np.ndarray:
-    """(H, W, 3) -> (H, W, 4) float64, luminance appended."""
-    image = np.asarray(image, dtype=np.float64)
-    return np.concatenate([image, luminance(image)[..., None]], axis=-1)
 
 
 def _read(gate: Gate, reference: FileReference, scene: Scene) -> Estimate:
