@@ -9,7 +9,8 @@ import pytest
 from harness.errors import HarnessError
 from harness.files import data_dir, shaders_from
 from harness.mutants.catalogue import Mutant, choose, load_catalogue, mutate, mutated_shaders
-from harness.mutants.runner import Gates, KillMatrix, as_json, run_mutants
+from harness.mutants.matrix import KillMatrix, as_json
+from harness.mutants.runner import Gates, run_mutants
 from harness.tracer.context import Program
 from harness.tracer.source import assemble
 

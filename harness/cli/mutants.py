@@ -12,7 +12,7 @@ from harness.cli.options import MUTANTS_FILE, CacheOption, open_store
 from harness.cli.output import JsonOption, print_json, print_rich, progress
 
 if TYPE_CHECKING:
-    from harness.mutants.runner import KillMatrix
+    from harness.mutants.matrix import KillMatrix
 
 # Shown for each state of a cell.
 SYMBOLS = {"killed": "X", "survived": "o", "untouched": "·", "not run": " "}
@@ -39,7 +39,8 @@ def mutants(
     """
     from harness.files import require_writable
     from harness.mutants.catalogue import choose, load_catalogue
-    from harness.mutants.runner import Gates, run_mutants, save
+    from harness.mutants.matrix import as_json, save
+    from harness.mutants.runner import Gates, run_mutants
 
     chosen = choose(load_catalogue(), only or [])
     family = Gates.of(gates, tests)
@@ -50,8 +51,6 @@ def mutants(
     if not only:  # of some mutants alone the report would say that the others survived
         save(matrix, output)
     if json:
-        from harness.mutants.runner import as_json
-
         print_json(as_json(matrix))
     else:
         _print(matrix)

@@ -1,0 +1,191 @@
+"""Judges one mutant: what every gate says of a shader with the defect in it."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import HarnessError, ShaderError
+from harness.estimate import Batch, with_luminance
+from harness.files import data_dir, shaders_from
+from harness.gates import Gate, References
+from harness.gates.runner import check_gate, gate_source, run_gate
+from harness.mutants.catalogue import Mutant
+from harness.mutants.matrix import State
+from harness.scene import Scene
+from harness.stats.levels import family_level
+from harness.stats.tiles import TileAccumulator, TileSamples
+from harness.stats.verdicts import bias_verdict
+from harness.store import Store
+from harness.tracer.context import Program
+from harness.tracer.renderer import TracerRenderer
+from harness.tracer.source import assemble
+
+# A gate glances before it looks, each time at this part of the samples of a first look: enough for most defects.
+GLANCE_SHARES = (64, 8)
+
+# pytest's status where the tests ran and one failed, and where all passed.
+TESTS_FAILED, TESTS_PASSED = 1, 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """A gate with what its glances need: its scene, the right shader and its first batches, the reference."""
+
+    gate: Gate
+    scene: Scene
+    text: str
+    right: tuple[Batch, ...]
+    reference: TileSamples
+
+
+class Judge:
+    """The gates of one process, and what they share between mutants: scenes, references, what the right shader draws.
+
+    `modules`: test modules by name, which are gates as well.
+    """
+
+    def __init__(self, gates: Sequence[Gate], modules: Mapping[str, Path], store: Path | None) -> None:
+        self._gates = {gate.name: gate for gate in gates}
+        self._modules = modules
+        self._references = References(Store(store) if store else None)
+        self._right = data_dir("glsl")
+        self._prepared: dict[str, _Prepared] = {}
+        self._sound: set[str] = set()
+
+    def check_gate(self, name: str) -> str:
+        """What is wrong with a gate while the shader is right, at a glance; empty if nothing. Renders its reference."""
+        prepared = self._prepare(self._gates[name])
+        made = TracerRenderer(prepared.scene, prepared.gate.strategy, gate_source(prepared.gate, prepared.scene))
+        try:
+            return _unsound(prepared.gate) if _glance(prepared, made) == "killed" else ""
+        finally:
+            made.release()
+
+    def check_module(self, name: str) -> str:
+        """What is wrong with a test module while the shader is right; empty if nothing."""
+        return f"{name}: fails with the shader as it is; mend that first" if self._run_module(name) == "killed" else ""
+
+    def judge(self, mutant: Mutant, shaders: Path) -> dict[str, State]:
+        """What every gate says of the shaders in the folder `shaders`, which are ours but for `mutant`.
+
+        Image gates glance; they take all their looks, first of all the gate that should kill the mutant, only while
+        no other has killed it. A test module runs where the mutant names it. HarnessError where the mutant does not
+        compile, and where a gate does not pass with the shader as it is.
+        """
+        prepared = [self._prepare(gate) for gate in self._gates.values()]
+        states: dict[str, State] = {}
+        with shaders_from(shaders):
+            try:
+                _require_compilable(mutant)
+                states |= {each.gate.name: _first_sight(each) for each in prepared}
+            except ShaderError as error:
+                raise HarnessError(f"{mutant.where}: mutant '{mutant.id}' does not compile: {error}") from None
+            if mutant.killer in self._modules:
+                states[mutant.killer] = self._run_module(mutant.killer)
+            touched = [gate for name, gate in self._gates.items() if states[name] == "survived"]
+            for gate in sorted(touched, key=lambda gate: gate.name != mutant.killer):
+                if "killed" in states.values():
+                    break
+                self._require_sound(gate)
+                states[gate.name] = "survived" if self._passes(gate) else "killed"
+        return states
+
+    def _prepare(self, gate: Gate) -> _Prepared:
+        """The gate, prepared once a process, with the shader as it is."""
+        if gate.name not in self._prepared:
+            scene = check_gate(gate)
+            reference = self._references.of(gate, scene)
+            reference.grow(gate.looks[0])
+            source = gate_source(gate, scene)
+            made = TracerRenderer(scene, gate.strategy, source)
+            try:
+                right = tuple(made.render_batch(0, 0, _spp(gate, share)) for share in GLANCE_SHARES)
+            finally:
+                made.release()
+            self._prepared[gate.name] = _Prepared(gate, scene, source.text, right, reference.tiles(gate.looks[0]))
+        return self._prepared[gate.name]
+
+    def _require_sound(self, gate: Gate) -> None:
+        """A gate that does not pass with the right shader kills everything, and so tells nothing."""
+        if gate.name not in self._sound:
+            with shaders_from(self._right):
+                if not self._passes(gate):
+                    raise HarnessError(_unsound(gate))
+            self._sound.add(gate.name)
+
+    def _passes(self, gate: Gate) -> bool:
+        """Whether the gate passes; a variance so large that its budget cannot decide is no pass."""
+        try:
+            return run_gate(gate, self._references).outcome == "pass"
+        except HarnessError:
+            return False
+
+    def _run_module(self, name: str) -> State:
+        """Run one test module in this process, so that its probes see the shader of the moment."""
+        import pytest
+
+        path = self._modules[name]
+        for module in [module for module in sys.modules if module.startswith("tests.")]:
+            del sys.modules[module]  # what tests computed once, they computed of another shader
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            status = pytest.main([str(path), "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"])
+        if status not in (TESTS_PASSED, TESTS_FAILED):
+            raise HarnessError(f"{path}: the tests cannot be run (pytest status {int(status)}); try `pytest {path}`")
+        return "killed" if status == TESTS_FAILED else "survived"
+
+
+def _first_sight(prepared: _Prepared) -> State:
+    """What a gate says of the shader of the moment at a glance, if that shader is another than the right one."""
+    source = gate_source(prepared.gate, prepared.scene)
+    if source.text == prepared.text:
+        return "untouched"
+    made = TracerRenderer(prepared.scene, prepared.gate.strategy, source)
+    try:
+        touched = (_differ(made.render_batch(0, 0, batch.samples), batch) for batch in prepared.right)
+        return _glance(prepared, made) if any(touched) else "untouched"
+    finally:
+        made.release()
+
+
+def _glance(prepared: _Prepared, made: TracerRenderer) -> State:
+    """What a gate says from few samples. Not finite ones kill as a gate's do; the glances share its level."""
+    gate = prepared.gate
+    for share in GLANCE_SHARES:
+        tiles, rejected = TileAccumulator(prepared.reference.tile), 0
+        for replica in range(gate.looks[0]):
+            batch = made.render_batch(replica, 0, _spp(gate, share))
+            tiles.add(with_luminance(batch.mean), batch.samples)
+            rejected += batch.rejected
+        if rejected > gate.not_finite * gate.looks[0] * batch.samples * batch.mean[..., 0].size:
+            return "killed"
+        verdict = bias_verdict(tiles.samples(), prepared.reference, gate.tolerance,
+                               fail_level=family_level(gate.fail_level, len(GLANCE_SHARES)))
+        if verdict.outcome == "fail":
+            return "killed"
+    return "survived"
+
+
+def _differ(found: Batch, right: Batch) -> bool:
+    return found.rejected != right.rejected or not np.array_equal(found.mean, right.mean)
+
+
+def _spp(gate: Gate, share: int) -> int:
+    """Samples per pixel of each replica at a glance."""
+    return max(1, gate.spp // share)
+
+
+def _unsound(gate: Gate) -> str:
+    return f"{gate.origin}: gate '{gate.name}' does not pass with the shader as it is; mend that first"
+
+
+def _require_compilable(mutant: Mutant) -> None:
+    """The display pass is in no gate's shader; what else does not compile shows where it is used."""
+    if mutant.file == "display.frag":
+        Program(assemble(mutant.file, data_dir("glsl"))).release()
