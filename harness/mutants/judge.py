@@ -19,7 +19,6 @@ from harness.gates.runner import check_gate, gate_source, run_gate
 from harness.mutants.catalogue import Mutant
 from harness.mutants.matrix import State
 from harness.scene import Scene
-from harness.stats.levels import family_level
 from harness.stats.tiles import TileAccumulator, TileSamples
 from harness.stats.verdicts import bias_verdict
 from harness.store import Store
@@ -27,8 +26,8 @@ from harness.tracer.context import Program
 from harness.tracer.renderer import TracerRenderer
 from harness.tracer.source import assemble
 
-# A gate glances before it looks, each time at this part of the samples of a first look: enough for most defects.
-GLANCE_SHARES = (64, 8)
+# A gate glances before it looks, at this part of the samples of its first look: enough for most defects.
+GLANCE_SHARE = 32
 
 # pytest's status where the tests ran and one failed, and where all passed.
 TESTS_FAILED, TESTS_PASSED = 1, 0
@@ -36,13 +35,18 @@ TESTS_FAILED, TESTS_PASSED = 1, 0
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """A gate with what its glances need: its scene, the right shader and its first batches, the reference."""
+    """A gate with what its glance needs: its scene, the right shader and its first batch, the reference."""
 
     gate: Gate
     scene: Scene
     text: str
-    right: tuple[Batch, ...]
+    right: Batch
     reference: TileSamples
+
+    @property
+    def spp(self) -> int:
+        """Samples per pixel of each replica at a glance."""
+        return self.right.samples
 
 
 class Judge:
@@ -75,9 +79,9 @@ class Judge:
     def judge(self, mutant: Mutant, shaders: Path) -> dict[str, State]:
         """What every gate says of the shaders in the folder `shaders`, which are ours but for `mutant`.
 
-        Image gates glance; they take all their looks, first of all the gate that should kill the mutant, only while
-        no other has killed it. A test module runs where the mutant names it. HarnessError where the mutant does not
-        compile, and where a gate does not pass with the shader as it is.
+        Every image gate glances; while none has killed the mutant, they take all their looks, first of all the one that
+        should. A test module runs where the mutant names it. HarnessError where the mutant does not compile, and where
+        a gate does not pass with the shader as it is.
         """
         prepared = [self._prepare(gate) for gate in self._gates.values()]
         states: dict[str, State] = {}
@@ -106,7 +110,7 @@ class Judge:
             source = gate_source(gate, scene)
             made = TracerRenderer(scene, gate.strategy, source)
             try:
-                right = tuple(made.render_batch(0, 0, _spp(gate, share)) for share in GLANCE_SHARES)
+                right = made.render_batch(0, 0, max(1, gate.spp // GLANCE_SHARE))
             finally:
                 made.release()
             self._prepared[gate.name] = _Prepared(gate, scene, source.text, right, reference.tiles(gate.looks[0]))
@@ -132,8 +136,8 @@ class Judge:
         import pytest
 
         path = self._modules[name]
-        for module in [module for module in sys.modules if module.startswith("tests.")]:
-            del sys.modules[module]  # what tests computed once, they computed of another shader
+        for module in [module for module in sys.modules if module.endswith(f".{name}")]:
+            del sys.modules[module]  # what it computed once, it computed of another shader
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             status = pytest.main([str(path), "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"])
         if status not in (TESTS_PASSED, TESTS_FAILED):
@@ -148,37 +152,28 @@ def _first_sight(prepared: _Prepared) -> State:
         return "untouched"
     made = TracerRenderer(prepared.scene, prepared.gate.strategy, source)
     try:
-        touched = (_differ(made.render_batch(0, 0, batch.samples), batch) for batch in prepared.right)
-        return _glance(prepared, made) if any(touched) else "untouched"
+        touched = _differ(made.render_batch(0, 0, prepared.spp), prepared.right)
+        return _glance(prepared, made) if touched else "untouched"
     finally:
         made.release()
 
 
 def _glance(prepared: _Prepared, made: TracerRenderer) -> State:
-    """What a gate says from few samples. Not finite ones kill as a gate's do; the glances share its level."""
-    gate = prepared.gate
-    for share in GLANCE_SHARES:
-        tiles, rejected = TileAccumulator(prepared.reference.tile), 0
-        for replica in range(gate.looks[0]):
-            batch = made.render_batch(replica, 0, _spp(gate, share))
-            tiles.add(with_luminance(batch.mean), batch.samples)
-            rejected += batch.rejected
-        if rejected > gate.not_finite * gate.looks[0] * batch.samples * batch.mean[..., 0].size:
-            return "killed"
-        verdict = bias_verdict(tiles.samples(), prepared.reference, gate.tolerance,
-                               fail_level=family_level(gate.fail_level, len(GLANCE_SHARES)))
-        if verdict.outcome == "fail":
-            return "killed"
-    return "survived"
+    """What a gate says from few samples; not finite ones kill as a gate's do."""
+    gate, batches = prepared.gate, prepared.gate.looks[0]
+    tiles, rejected = TileAccumulator(prepared.reference.tile), 0
+    for replica in range(batches):
+        batch = made.render_batch(replica, 0, prepared.spp)
+        tiles.add(with_luminance(batch.mean), batch.samples)
+        rejected += batch.rejected
+    if rejected > gate.not_finite * batches * prepared.spp * prepared.scene.width * prepared.scene.height:
+        return "killed"
+    verdict = bias_verdict(tiles.samples(), prepared.reference, gate.tolerance, fail_level=gate.fail_level)
+    return "killed" if verdict.outcome == "fail" else "survived"
 
 
 def _differ(found: Batch, right: Batch) -> bool:
     return found.rejected != right.rejected or not np.array_equal(found.mean, right.mean)
-
-
-def _spp(gate: Gate, share: int) -> int:
-    """Samples per pixel of each replica at a glance."""
-    return max(1, gate.spp // share)
 
 
 def _unsound(gate: Gate) -> str:

@@ -43,12 +43,25 @@ def context() -> moderngl.Context:
             raise MachineError(
                 f"no headless OpenGL 4.3: {' '.join(str(error).split())}; on Debian or Ubuntu type: "
                 "apt-get install -y libegl1 libgl1-mesa-dri") from None
+        if created.info["GL_RENDERER"].startswith("llvmpipe"):
+            _halve_compilation(created)
         _local.owner, _local.context = os.getpid(), created
     elif owner != os.getpid():
         raise MachineError("a forked process cannot use its parent's GL context; start workers with the "
                            "multiprocessing method 'spawn' or 'forkserver'")
     found: moderngl.Context = _local.context
     return found
+
+
+def _halve_compilation(gl: moderngl.Context) -> None:
+    """Blend what is drawn, times one, with what was there, times zero: on llvmpipe the same bits in half the time.
+
+    llvmpipe compiles every fragment shader twice: for tiles that a triangle covers whole, and for those at its edges.
+    With blending it has no use for the former (Mesa 22.3, generate_variant in lp_state_fs.c). The draw itself takes
+    as long (64 samples of `spheres`: 0.050 CPU s against 0.055), its compilation 0.143 s against 0.235.
+    """
+    gl.enable(moderngl.BLEND)
+    gl.blend_func = moderngl.ONE, moderngl.ZERO
 
 
 def describe_gl() -> dict[str, str]:

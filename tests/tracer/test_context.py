@@ -7,10 +7,12 @@ import threading
 from typing import Any
 
 import moderngl
+import numpy as np
 import pytest
 
 from harness.errors import MachineError
-from harness.tracer.context import context, describe_gl
+from harness.tracer.context import Program, context, describe_gl
+from harness.tracer.source import ShaderSource
 
 
 def in_thread(work: Any) -> Any:
@@ -33,6 +35,22 @@ def test_a_thread_keeps_its_context() -> None:
     """The same one at every call; another thread has another."""
     assert context() is context()
     assert in_thread(context) is not context()
+
+
+@pytest.mark.parametrize("before", [np.nan, np.inf, 3e38])
+def test_what_a_target_held_leaves_no_trace(before: float) -> None:
+    """Draws replace: nothing of an earlier image shows, not even where it was not finite."""
+    gl = context()
+    source = "#version 420 core\nout vec4 color;\nvoid main() { color = vec4(-5.25, -0.0, 1e-42, 2.0); }\n"
+    texture = gl.texture((24, 16), 4, dtype="f4", data=np.full((16, 24, 4), before, np.float32).tobytes())
+    framebuffer, program = gl.framebuffer([texture]), Program(ShaderSource(source, (("fill.frag", source),)))
+    framebuffer.use()
+    program.draw()
+    drawn = np.frombuffer(texture.read(), np.uint32).reshape(-1, 4)
+    expected = np.array([-5.25, -0.0, 1e-42, 2.0], np.float32).view(np.uint32)
+    np.testing.assert_array_equal(drawn, np.broadcast_to(expected, drawn.shape))
+    for each in (program, framebuffer, texture):
+        each.release()
 
 
 def test_the_driver_is_described() -> None:
