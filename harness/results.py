@@ -8,8 +8,9 @@ from typing import Literal
 import numpy as np
 
 from harness.estimate import Estimate
-from harness.stats.bias import MeanErrorVerdict
+from harness.stats.bias import MeanErrorVerdict, Outcome
 from harness.stats.convergence import Slope
+from harness.stats.findings import Tiles
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,7 @@ class StrategyResult:
     `flip`, `delta_e`: the mean of FLIP and of CIE ΔE2000 for that merged estimate. `cpu_seconds_per_spp`: process
     CPU time for one sample per pixel of the whole image, the median over batches. `suits` is False where the
     strategy cannot reach some light (then `warning` says which), and its verdict does not count against the tracer.
+    `verdict` is that on the image's mean, `tiles` those on its parts.
     """
 
     strategy: str
@@ -33,10 +35,19 @@ class StrategyResult:
     ssim: np.ndarray
     estimate: Estimate
     verdict: MeanErrorVerdict
+    tiles: Tiles
     slope: Slope | None  # None where the strategy has no variance to converge from
     flip: float
     delta_e: float
     cpu_seconds_per_spp: float
+
+    @property
+    def outcome(self) -> Outcome:
+        """fail where the mean or a tile fails; else the outcome of the mean.
+
+        Undecided tiles leave it alone: noise that decides the mean of an image seldom decides each of its tiles.
+        """
+        return "fail" if self.tiles.failed else self.verdict.outcome
 
 
 @dataclass(frozen=True, eq=False)

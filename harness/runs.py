@@ -12,11 +12,14 @@ from typing import Protocol
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.estimate import Accumulator, Batch, Estimate
+from harness.estimate import Accumulator, Batch, Estimate, with_luminance
 from harness.reference.renderer import ReferenceRenderer
 from harness.scene import Scene
 from harness.stats.bias import MeanErrorVerdict, mean_error_verdict
-from harness.store import Store, schedule
+from harness.stats.levels import family_level
+from harness.stats.tiles import TileAccumulator, TileSamples, tile_size, tile_sums
+from harness.stats.verdicts import TESTS, Tolerance
+from harness.store import LONGEST_BATCH, Store, schedule
 from harness.tracer.context import describe_gl
 from harness.tracer.renderer import TracerRenderer
 
@@ -25,6 +28,10 @@ TOLERANCE = 0.002
 CONFIDENCE = 0.95
 # The same where the reference shows a mesh in place of a displaced sphere (harness/reference/displaced.py).
 MESH_TOLERANCE = 0.005
+# The probability with which all verdicts of one study, comparison or report together fail good renders, at the most.
+FALSE_ALARMS = 0.01
+# Batches that a reference is drawn in at the least, where it has so many samples: see `stats.tiles.TileSamples`.
+REFERENCE_BATCHES = 32
 # Equal batches that a run is cut into at the least, for its variance; see `equal_batches`.
 MIN_EQUAL_BATCHES = 8
 
@@ -85,6 +92,64 @@ def equal_batches(run: Iterable[Batch], samples: int) -> Iterator[Batch]:
         yield _merged(pending)
 
 
+class Run:
+    """The replicas 0, 1, … of one renderer as far as they were drawn: one batch of `spp` samples per pixel each."""
+
+    def __init__(self, renderer: Renderer, spp: int, tile: int, store: Store | None = None) -> None:
+        self.renderer, self.spp, self.store = renderer, spp, store
+        self.replicas = 0
+        self._identity = dict(renderer.identity)
+        self._image = Accumulator()
+        self._tiles = TileAccumulator(tile)
+
+    def grow(self, replicas: int, advance: Advance = lambda n: None) -> None:
+        """Draw, or read from the store, up to so many replicas; `advance` is told the samples per pixel of each."""
+        while self.replicas < replicas:
+            batch = self._batch(self.replicas)
+            self._image.add(batch)
+            self._tiles.add(with_luminance(batch.mean), batch.samples)
+            self.replicas += 1
+            advance(self.spp)
+
+    def tiles(self, replicas: int | None = None) -> TileSamples:
+        """The first so many replicas, or all, reduced to tiles; no more than were drawn."""
+        return self._tiles.samples().first(self.replicas if replicas is None else replicas)
+
+    def estimate(self) -> Estimate:
+        """All that was drawn."""
+        return self._image.estimate()
+
+    def _batch(self, replica: int) -> Batch:
+        def render() -> Batch:
+            return self.renderer.render_batch(replica, 0, self.spp)
+
+        return self.store.get_or_render(self._identity, replica, 0, self.spp, render) if self.store else render()
+
+
+def tiles_of(estimate: Estimate, tile: int) -> TileSamples:
+    """Batches as they might have been of which a stored estimate is the mean.
+
+    The file has each pixel's mean and variance but not the batches. Pixels are independent (box filter, independent
+    sampler), so the variances of tiles are known; as many normal batches as there were are drawn around the mean, and
+    scaled such that each tile's own moments are just these. Their skewness is lost. Of an unknown variance there is
+    one batch, which knows no variance either.
+    """
+    image = with_luminance(estimate.mean)
+    if estimate.batches == 0:
+        return TileSamples.exact(image, tile)
+    pixels = tile_sums(np.ones((*image.shape[:2], 1)), tile)
+    means = tile_sums(image, tile) / pixels
+    if estimate.batches < 2 or np.isnan(estimate.variance).any():
+        return TileSamples(means[None], np.array([max(estimate.samples, 1.0)]), tile, *image.shape[:2])
+    variance = np.concatenate([estimate.variance, estimate.luminance_variance[..., None]], axis=-1)
+    sigma = np.sqrt(tile_sums(variance, tile)) / pixels
+    noise = np.random.default_rng(estimate.samples).standard_normal((estimate.batches, *sigma.shape[:2], 1))
+    noise -= noise.mean(axis=0)
+    noise /= np.sqrt((noise**2).sum(axis=0) / (estimate.batches * (estimate.batches - 1)))
+    return TileSamples(means + sigma * noise, np.full(estimate.batches, estimate.samples / estimate.batches), tile,
+                       *image.shape[:2])
+
+
 def render_estimate(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
              advance: Advance = lambda n: None) -> Estimate:
     """Mean and variance of `samples` samples per pixel of one replica."""
@@ -112,13 +177,34 @@ def render_reference(scene: Scene, spp: int, *, store: Store | None = None, prog
         return render_estimate(renderer, spp, store=store, advance=advance)
 
 
-def judge(test: Estimate, reference: Estimate, *, tolerance: float = TOLERANCE,
-          confidence: float = CONFIDENCE) -> MeanErrorVerdict:
+def reference_run(scene: Scene, spp: int, store: Store | None = None) -> Run:
+    """Mitsuba's image of the scene, to be drawn in replicas: so long that `REFERENCE_BATCHES` of them make `spp`.
+
+    Lengths are powers of two up to the longest batch, so that references of unequal length can share what is stored.
+    """
+    length = 2 ** max(0, (spp // REFERENCE_BATCHES).bit_length() - 1)
+    return Run(ReferenceRenderer(scene), min(length, LONGEST_BATCH), tile_size(scene.height, scene.width), store)
+
+
+def judge(test: Estimate, reference: Estimate, *, tolerance: float = TOLERANCE, confidence: float = CONFIDENCE,
+          fail_level: float | None = None) -> MeanErrorVerdict:
     """Is the test's image mean equivalent to the reference's, per channel and in luminance?"""
     return mean_error_verdict(
         test.image_mean, test.image_variance, _degrees_of_freedom(test),
         reference.image_mean, reference.image_variance, _degrees_of_freedom(reference),
-        tolerance=tolerance, confidence=confidence)
+        tolerance=tolerance, confidence=confidence, fail_level=fail_level)
+
+
+def fail_level(family: int) -> float:
+    """The level at which each test of a strategy (image, larger tiles, smaller tiles) fails, so many strategies
+    sharing `FALSE_ALARMS`."""
+    return family_level(FALSE_ALARMS, TESTS * family)
+
+
+def tolerances(mean: float) -> Tolerance:
+    """The tolerances of the tiles that go with one of the mean: larger by what `Tolerance`'s own are, in balance."""
+    usual = Tolerance()
+    return Tolerance(mean, mean / usual.mean * usual.coarse, mean / usual.mean * usual.fine)
 
 
 def tolerance_for(scene: Scene) -> tuple[float, str]:

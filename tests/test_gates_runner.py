@@ -13,9 +13,9 @@ from harness.estimate import Batch, Estimate, merge, with_luminance
 from harness.exr import write_estimate
 from harness.files import data_dir
 from harness.gates import Gate, References, run_gate
-from harness.gates.references import Run, tiles_of
 from harness.gates.runner import check_gate, gate_source
 from harness.reference.renderer import ReferenceRenderer
+from harness.runs import Run, tiles_of
 from harness.stats.tiles import TileAccumulator
 from harness.store import Store
 from tests.fakes import NoiseRenderer

@@ -14,11 +14,11 @@ from harness.errors import HarnessError
 from harness.estimate import Batch, Estimate
 from harness.files import data_dir
 from harness.reference import ReferenceRenderer
-from harness.runs import render_estimate, tolerance_for
+from harness.runs import render_estimate, tiles_of, tolerance_for
 from harness.scene import Scene
 from harness.scene.model import Displacement, Procedural
 from harness.store import Store, schedule
-from harness.studies import _Run, exhibited_strategies, prefix_sizes, replicas_needed
+from harness.studies import _Reference, _Replicas, exhibited_strategies, prefix_sizes, replicas_needed
 from tests.fakes import NoiseRenderer
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
@@ -81,7 +81,9 @@ def test_no_run_is_ever_held_whole(scene: Scene) -> None:
             most = max(most, len(held))
             return batch
 
-    run = _Run(scene, Watched(size=(12, 16)), Estimate.exact(np.full((12, 16, 3), 0.5)), 4096)  # type: ignore[arg-type]
+    estimate = Estimate.exact(np.full((12, 16, 3), 0.5))
+    run = _Replicas(scene, Watched(size=(12, 16)), _Reference(estimate, tiles_of(estimate, 2)),  # type: ignore[arg-type]
+                    4096)
     run.add_replica(None, lambda n: None)
     assert run.total.samples == 4096
     assert most <= 10, f"{most} of {len(schedule(4096))} batches at once"

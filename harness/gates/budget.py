@@ -7,14 +7,10 @@ from scipy import special
 
 from harness.stats.bias import error_scale
 from harness.stats.deviates import critical_deviate
+from harness.stats.needed import DECIDED, factor_to_decide
 from harness.stats.sequential import Sequence
 from harness.stats.tiles import COARSER, TileMoments, TileSamples
 from harness.stats.verdicts import DARK_TILE
-
-# The probability with which an unbiased render is to be decided by the number of samples that is asked for.
-DECIDED = 0.95
-# Beyond so many times the samples of the first look there is no use in saying how many.
-HOPELESS = 2.0**40
 
 
 def factor_needed(sequence: Sequence, test: TileSamples, reference: TileSamples, *, at_least: bool = False) -> float:
@@ -33,26 +29,8 @@ def factor_needed(sequence: Sequence, test: TileSamples, reference: TileSamples,
     if at_least:
         relative = [(sigma * _least(batches - 1, sigma.size), allowed) for sigma, allowed in relative]
     ratios = np.concatenate([(sigma / allowed).ravel() for sigma, allowed in relative])
-    if not np.isfinite(ratios).all():
-        return float("inf")
     sure = critical_deviate(sequence.looks.level(len(sequence.looks.samples) - 1, sequence.pass_level) / 2)
-    low, high = 2.0**-40, HOPELESS
-    if _undecided(ratios, high, sure) > 1 - DECIDED:
-        return float("inf")
-    while high / low > 1.01:
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if _undecided(ratios, middle, sure) > 1 - DECIDED else (low, middle)
-    return high
-
-
-def _undecided(ratios: np.ndarray, factor: float, sure: float) -> float:
-    """The most (union bound) that the probability can be of an error so large that its interval leaves the tolerance.
-
-    `ratios`: standard errors at the pilot, in tolerances; `sure`: half the interval's width in standard errors.
-    """
-    with np.errstate(divide="ignore"):
-        room = np.sqrt(factor) / ratios - sure
-    return float(2 * special.ndtr(-room).sum())
+    return factor_to_decide(ratios, sure)
 
 
 def _sigma(test: TileSamples, reference: TileSamples) -> np.ndarray:

@@ -5,48 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.estimate import Accumulator, Batch, Estimate, with_luminance
+from harness.estimate import Estimate, with_luminance
 from harness.exr import read_estimate
 from harness.gates.model import FileReference, Gate, MitsubaReference, ValueReference
 from harness.reference.renderer import ReferenceRenderer
-from harness.runs import Advance, Renderer
+from harness.runs import Advance, Run, tiles_of
 from harness.scene import Scene
-from harness.stats.tiles import TileAccumulator, TileSamples, tile_size, tile_sums
+from harness.stats.tiles import TileSamples, tile_size
 from harness.store import Store
-
-
-class Run:
-    """The replicas 0, 1, … of one renderer as far as they were drawn: one batch of `spp` samples per pixel each."""
-
-    def __init__(self, renderer: Renderer, spp: int, tile: int, store: Store | None = None) -> None:
-        self.renderer, self.spp, self.store = renderer, spp, store
-        self.replicas = 0
-        self._identity = dict(renderer.identity)
-        self._image = Accumulator()
-        self._tiles = TileAccumulator(tile)
-
-    def grow(self, replicas: int, advance: Advance = lambda n: None) -> None:
-        """Draw, or read from the store, up to so many replicas; `advance` is told the samples per pixel of each."""
-        while self.replicas < replicas:
-            batch = self._batch(self.replicas)
-            self._image.add(batch)
-            self._tiles.add(with_luminance(batch.mean), batch.samples)
-            self.replicas += 1
-            advance(self.spp)
-
-    def tiles(self, replicas: int) -> TileSamples:
-        """The first so many replicas, reduced to tiles; no more than were drawn."""
-        return self._tiles.samples().first(replicas)
-
-    def estimate(self) -> Estimate:
-        """All that was drawn."""
-        return self._image.estimate()
-
-    def _batch(self, replica: int) -> Batch:
-        def render() -> Batch:
-            return self.renderer.render_batch(replica, 0, self.spp)
-
-        return self.store.get_or_render(self._identity, replica, 0, self.spp, render) if self.store else render()
 
 
 class FixedReference:
@@ -93,26 +59,6 @@ class References:
             case FileReference():
                 estimate = _read(gate, gate.reference, scene)
                 return FixedReference(estimate, tiles_of(estimate, tile))
-
-
-def tiles_of(estimate: Estimate, tile: int) -> TileSamples:
-    """Batches as they might have been of which a stored estimate is the mean.
-
-    The file has each pixel's mean and variance but not the batches. Pixels are independent (box filter, independent
-    sampler), so the variances of tiles are known; as many normal batches as there were are drawn around the mean, and
-    scaled such that each tile's own moments are just these. Their skewness is lost.
-    """
-    image = with_luminance(estimate.mean)
-    if estimate.batches == 0:
-        return TileSamples.exact(image, tile)
-    variance = np.concatenate([estimate.variance, estimate.luminance_variance[..., None]], axis=-1)
-    pixels = tile_sums(np.ones((*image.shape[:2], 1)), tile)
-    sigma = np.sqrt(tile_sums(variance, tile)) / pixels
-    noise = np.random.default_rng(estimate.samples).standard_normal((estimate.batches, *sigma.shape[:2], 1))
-    noise -= noise.mean(axis=0)
-    noise /= np.sqrt((noise**2).sum(axis=0) / (estimate.batches * (estimate.batches - 1)))
-    return TileSamples(tile_sums(image, tile) / pixels + sigma * noise,
-                       np.full(estimate.batches, estimate.samples / estimate.batches), tile, *image.shape[:2])
 
 
 def _read(gate: Gate, reference: FileReference, scene: Scene) -> Estimate:

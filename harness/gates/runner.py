@@ -10,8 +10,8 @@ import numpy as np
 from harness.files import data_dir
 from harness.gates.budget import factor_needed, tile_scale
 from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look, MitsubaReference
-from harness.gates.references import FixedReference, References, Run
-from harness.runs import Progress, Renderer, quiet
+from harness.gates.references import FixedReference, References
+from harness.runs import Progress, Renderer, Run, quiet
 from harness.scene import Scene, load_scene
 from harness.stats.levels import Looks
 from harness.stats.sequential import Sequence

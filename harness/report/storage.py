@@ -18,11 +18,12 @@ from harness.estimate import Estimate
 from harness.exr import read_estimate, write_estimate
 from harness.files import write_atomically
 from harness.results import StrategyResult, StudyResult
-from harness.stats.bias import MeanErrorVerdict
+from harness.stats.bias import CHANNELS, MeanErrorVerdict, Outcome
 from harness.stats.convergence import Slope
+from harness.stats.findings import TileFinding, Tiles
 
 STUDY_FILE = "study.json"
-FORMAT = 1  # raised when files written before can no longer be read
+FORMAT = 2  # raised when files written before can no longer be read; 1 had no tiles
 
 # `_image_name` makes these; files of other names in the folder are left alone.
 _IMAGE = re.compile(r"[a-z0-9_-]+\.[0-9a-f]{12}\.exr")
@@ -134,19 +135,35 @@ def _strategy(held: Mapping[str, Any], estimate: Estimate) -> StrategyResult:
     return StrategyResult(
         strategy=str(held["strategy"]), suits=bool(held["suits"]), warning=str(held["warning"]),
         spp=spp.astype(np.int64), **curves, estimate=estimate, verdict=_verdict(held["verdict"]),
+        tiles=Tiles(_finding(held["tiles"]["coarse"]), _finding(held["tiles"]["fine"])),
         slope=None if held["slope"] is None else _slope(held["slope"]), flip=float(held["flip"]),
         delta_e=float(held["delta_e"]), cpu_seconds_per_spp=float(held["cpu_seconds_per_spp"]))
 
 
 def _verdict(held: Mapping[str, Any]) -> MeanErrorVerdict:
-    outcome = held["outcome"]
-    if outcome not in ("pass", "fail", "inconclusive"):
-        raise ValueError(f"outcome {outcome!r}")
     arrays = {name: _array(held[name], 1) for name in ("error", "low", "high", "dof", "smallest_detectable")}
     if any(array.shape != (4,) for array in arrays.values()):
         raise ValueError("a verdict without four channels")
-    return MeanErrorVerdict(outcome=outcome, reason=str(held["reason"]), tolerance=float(held["tolerance"]),
+    return MeanErrorVerdict(outcome=_outcome(held), reason=str(held["reason"]), tolerance=float(held["tolerance"]),
                             confidence=float(held["confidence"]), **arrays)
+
+
+def _finding(held: Mapping[str, Any]) -> TileFinding:
+    names = ("tolerance", "fail_level", "pass_level", "critical", "p", "error", "low", "high", "needed")
+    reals = {name: float(held[name]) for name in names}
+    median, hardest = (float(value) for value in held["detectable"])
+    if held["channel"] not in CHANNELS:
+        raise ValueError(f"channel {held['channel']!r}")
+    return TileFinding(outcome=_outcome(held), reason=str(held["reason"]), tile=int(held["tile"]),
+                       z=_array(held["z"], 2), x=int(held["x"]), y=int(held["y"]), channel=held["channel"],
+                       detectable=(median, hardest), **reals)
+
+
+def _outcome(held: Mapping[str, Any]) -> Outcome:
+    outcome: Outcome = held["outcome"]
+    if outcome not in ("pass", "fail", "inconclusive"):
+        raise ValueError(f"outcome {outcome!r}")
+    return outcome
 
 
 def _slope(held: Mapping[str, Any]) -> Slope:

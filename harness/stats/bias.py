@@ -9,6 +9,7 @@ import numpy as np
 
 from harness.errors import HarnessError
 from harness.stats.deviates import half_width, satterthwaite
+from harness.stats.levels import check_level
 
 Outcome = Literal["pass", "fail", "inconclusive"]
 
@@ -52,7 +53,7 @@ def error_scale(reference_mean: np.ndarray) -> np.ndarray:
 
 def mean_error_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_dof: float, reference_mean: np.ndarray,
                        reference_variance: np.ndarray, reference_dof: float, *, tolerance: float = 0.002,
-                       confidence: float = 0.95) -> MeanErrorVerdict:
+                       confidence: float = 0.95, fail_level: float | None = None) -> MeanErrorVerdict:
     """Equivalence test of image means against a reference rendered independently.
 
     Means and the variances of those means have shape (4,); `*_dof` are the degrees of freedom of the variances, one
@@ -62,15 +63,17 @@ def mean_error_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_do
     - pass: all four intervals lie within ±tolerance. Each is at the full `confidence`: claiming that *all* channels
       are equivalent needs no correction for their number (intersection-union test, Berger 1982), and a render whose
       true bias is as large as the tolerance passes with probability at most (1 - confidence) / 2.
-    - fail: one of the four lies entirely outside ±tolerance at confidence 1 - (1 - confidence) / 4 (Bonferroni, which
-      holds however the channels are correlated), so that a good render fails with probability below 1 - confidence;
-      or the test's mean is not finite.
+    - fail: one of the four lies entirely outside ±tolerance at confidence 1 - `fail_level` / 4 (Bonferroni, which
+      holds however the channels are correlated), so that a good render fails with probability below `fail_level`,
+      1 - confidence where None; or the test's mean is not finite.
     - inconclusive: neither, or a variance is unknown (NaN, from fewer than two batches).
 
-    HarnessError for a negative tolerance or a confidence outside (0, 1).
+    HarnessError for a negative tolerance, a confidence or a level outside (0, 1).
     """
     check_tolerance(tolerance)
     check_confidence(confidence)
+    if fail_level is not None:
+        check_level(fail_level)
     test_mean, test_variance, reference_mean, reference_variance = (
         np.asarray(a, dtype=np.float64) for a in (test_mean, test_variance, reference_mean, reference_variance))
     scale = error_scale(reference_mean)
@@ -83,7 +86,7 @@ def mean_error_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_do
     dof = satterthwaite(from_test + from_reference, from_test**2 / test_dof + from_reference**2 / reference_dof)
     alpha = 1 - confidence
     half = half_width(sigma, dof, alpha)
-    guarded = half_width(sigma, dof, alpha / len(CHANNELS))
+    guarded = half_width(sigma, dof, (alpha if fail_level is None else fail_level) / len(CHANNELS))
     detectable = guarded + half_width(sigma, dof, 2 * (1 - POWER))
     outcome, reason = _judge_means(test_mean, test_variance, reference_mean, reference_variance, error, half, guarded,
                                    tolerance, confidence, noisier_reference=from_reference > from_test)

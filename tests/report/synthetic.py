@@ -9,8 +9,12 @@ import numpy as np
 from harness import metrics
 from harness.estimate import Accumulator, Batch, Estimate, luminance
 from harness.results import StrategyResult, StudyResult
+from harness.runs import fail_level, tiles_of
 from harness.stats.bias import mean_error_verdict
 from harness.stats.convergence import fit_slope
+from harness.stats.findings import judge_tiles
+from harness.stats.tiles import tile_size
+from harness.stats.verdicts import Tolerance
 
 # Standard deviation of one sample, relative to the pixel's radiance, and CPU seconds for one sample per pixel.
 STRATEGIES = {"uniform": (1.6, 0.010), "cosine": (0.9, 0.011), "lobes": (0.5, 0.013), "mixture": (0.35, 0.014)}
@@ -60,10 +64,14 @@ def strategy_result(name: str, truth: np.ndarray, reference: Estimate, *, sigma:
     merged = noisy(truth, spp * replicas, sigma, random, bias, seconds=seconds)
     verdict = mean_error_verdict(merged.image_mean, merged.image_variance, merged.batches - 1, reference.image_mean,
                                  reference.image_variance, max(reference.batches - 1, 0) or np.inf)
+    tile = tile_size(*truth.shape[:2])
+    tiles = judge_tiles(tiles_of(merged, tile), tiles_of(reference, tile), Tolerance(), fail_level=fail_level(5),
+                        pass_level=0.05)
     rmse, mean_error, ssim = curves
     return StrategyResult(
         strategy=name, suits=True, warning="", spp=prefixes, rmse=rmse, mean_error=mean_error, ssim=ssim,
-        estimate=merged, verdict=verdict, slope=fit_slope(prefixes, rmse) if sigma else None,
+        estimate=merged, verdict=verdict, tiles=tiles,
+        slope=fit_slope(prefixes, rmse) if sigma else None,
         flip=metrics.flip(merged.mean, reference.mean, exposure),
         delta_e=metrics.delta_e2000(merged.mean, reference.mean, exposure), cpu_seconds_per_spp=seconds)
 

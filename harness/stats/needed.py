@@ -1,0 +1,34 @@
+"""How many more samples would decide? Answered from standard errors alone, never from the error that was found."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import special
+
+# The probability with which an unbiased render is to be decided by the number of samples that is asked for.
+DECIDED = 0.95
+# Beyond so many times the samples there is no use in saying how many.
+HOPELESS = 2.0**40
+
+
+def factor_to_decide(ratios: np.ndarray, sure: float) -> float:
+    """How many times the samples let every interval lie inside its tolerance with probability 0.95, without a bias.
+
+    `ratios`: standard errors in tolerances, any shape; `sure`: half an interval's width in standard errors. Stein's
+    (1945) two-stage sample size, for many intervals at once by the union bound. Infinite where a ratio is not finite,
+    or for more than 2^40 times.
+    """
+    if not np.isfinite(ratios).all() or _undecided(ratios, HOPELESS, sure) > 1 - DECIDED:
+        return float("inf")
+    low, high = 1 / HOPELESS, HOPELESS
+    while high / low > 1.01:
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if _undecided(ratios, middle, sure) > 1 - DECIDED else (low, middle)
+    return high
+
+
+def _undecided(ratios: np.ndarray, factor: float, sure: float) -> float:
+    """The most (union bound) that the probability can be that some interval reaches beyond its tolerance."""
+    with np.errstate(divide="ignore"):
+        room = np.sqrt(factor) / ratios - sure
+    return float(2 * special.ndtr(-room).sum())
