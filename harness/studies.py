@@ -237,6 +237,11 @@ def exhibited_strategies(scene: Scene) -> tuple[str, ...]:
     return tuple(name for name in STRATEGIES if check_strategy(scene, name).suits or has_lobe)
 
 
+def judged(scenes: Sequence[Scene]) -> int:
+    """How many verdicts a report on these scenes gives: one for each strategy that it shows and that suits."""
+    return sum(check_strategy(scene, name).suits for scene in scenes for name in exhibited_strategies(scene))
+
+
 def replicas_needed(pilot: Estimate, reference: Estimate, replicas: int, tolerance: float) -> int:
     """How many replicas like the `replicas` of the pilot make an equivalence verdict decide, if there is no bias.
 

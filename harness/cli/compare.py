@@ -21,6 +21,7 @@ from harness.errors import HarnessError
 if TYPE_CHECKING:
     from harness.estimate import Estimate
     from harness.stats.bias import MeanErrorVerdict
+    from harness.stats.findings import Tiles
 
 CHANNELS = ("red", "green", "blue", "luminance")
 
@@ -36,8 +37,9 @@ def compare(
 ) -> int:
     """Compare an image with its reference: every metric, and whether the means agree within the tolerance.
 
-    Exit status 0 when the verdict is pass, 1 when it is fail or inconclusive. Files of other renderers carry no
-    variance: for them there are metrics but no verdict, and the status is 0 unless a tested pixel is not finite.
+    Tiles, larger and smaller, are judged too, with tolerances 6.25 and 25 times that of the mean. Exit status 0 when
+    the verdict on the mean is pass and no tile fails, 1 otherwise. Files of other renderers carry no variance: for
+    them there are metrics but no verdict, and the status is 0 unless a tested pixel is not finite.
 
     Example: `harness compare spheres.exr truth.exr --tolerance 0.002`
     """
@@ -60,14 +62,29 @@ def compare(
               if SCENE_HASH not in its and np.isnan(image.image_variance).any()]
     with np.errstate(invalid="ignore"):  # of pixels just warned of
         values = _metrics(ours, truth, exposure)
-        verdict = None
+        verdict, tiles = None, None
         if not silent or not np.isfinite(ours.mean).all():
-            verdict = runs.judge(ours, truth, tolerance=tolerance, confidence=confidence)
+            verdict = runs.judge(ours, truth, tolerance=tolerance, confidence=confidence, fail_level=runs.fail_level(1))
+            tiles = _judge_tiles(ours, truth, tolerance, confidence)
     if json:
-        print_json({"test": test, "reference": reference, "exposure": exposure, **values, "verdict": verdict})
+        print_json({"test": test, "reference": reference, "exposure": exposure, **values, "verdict": verdict,
+                    "tiles": tiles})
     else:
         _print(values, verdict, silent, tolerance, confidence)
-    return 0 if verdict is None or verdict.outcome == "pass" else 1
+        for part in (tiles.coarse, tiles.fine) if tiles else ():
+            print(f"tiles of {part.tile} px: {part.outcome}: {part.told}")
+    good = verdict is None or tiles is None or (verdict.outcome == "pass" and not tiles.failed)
+    return 0 if good else 1
+
+
+def _judge_tiles(ours: Estimate, truth: Estimate, tolerance: float, confidence: float) -> Tiles:
+    from harness import runs
+    from harness.stats.findings import judge_tiles
+    from harness.stats.tiles import tile_size
+
+    tile = tile_size(*ours.mean.shape[:2])
+    return judge_tiles(runs.tiles_of(ours, tile), runs.tiles_of(truth, tile), runs.tolerances(tolerance),
+                       fail_level=runs.fail_level(1), pass_level=1 - confidence)
 
 
 def _own_exposure(facts: Mapping[str, object]) -> float:

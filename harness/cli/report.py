@@ -39,23 +39,25 @@ def report(
 
     Without scene files of your own the report also shows the course handout's errors, each measured.
 
-    What was rendered before is read back; an interrupted report continues. Exit status 1 when a verdict is not pass.
+    What was rendered before is read back; an interrupted report continues. Exit status 1 when the verdict on a mean is
+    not pass, or a tile fails.
 
     Example: `harness report --profile quick`
     """
     from harness.files import data_dir, require_writable
     from harness.report import build_report
-    from harness.studies import PROFILES
+    from harness.studies import PROFILES, judged
 
     began = time.perf_counter()
     loaded = _open_all(scenes or sorted(data_dir("mitsuba_scenes").glob("*.xml")))
     require_writable(output / "report.pdf")
     results = []
     elapsed = {}
+    family = judged(loaded)
     with progress(len(loaded), f"report ({profile})") as advance:
         for scene in loaded:
             scene_began = time.perf_counter()
-            result, fresh = _studied(scene, PROFILES[profile])
+            result, fresh = _studied(scene, PROFILES[profile], family)
             results.append(result)
             if fresh:
                 elapsed[scene.name] = time.perf_counter() - scene_began
@@ -69,11 +71,13 @@ def report(
     pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE), elapsed=elapsed,
                        exhibits=exhibits, calibration=_calibration(output / CALIBRATION_FILE),
                        mutants=_mutants(output / MUTANTS_FILE))
-    verdicts = {f"{result.scene} {item.strategy}": item.verdict.outcome
-                for result in results for item in result.strategies if item.suits}
+    items = {f"{result.scene} {item.strategy}": item
+             for result in results for item in result.strategies if item.suits}
+    verdicts = {name: item.outcome for name, item in items.items()}
     lost = [name for name, outcome in verdicts.items() if outcome != "pass"]
     for name in lost:
-        log(f"warning: {name}: {verdicts[name]}")
+        failed = items[name].tiles.failed and items[name].verdict.outcome != "fail"
+        log(f"warning: {name}: {verdicts[name]}{' in tiles' if failed else ''}")
     if json:
         print_json({"pdf": pdf, "seconds": time.perf_counter() - began, "verdicts": verdicts})
     else:
@@ -134,10 +138,11 @@ def _calibration(path: Path) -> Calibration | None:
         return None
 
 
-def _studied(scene: Scene, profile: Profile) -> tuple[StudyResult, bool]:
+def _studied(scene: Scene, profile: Profile, family: int) -> tuple[StudyResult, bool]:
     """The study of one scene, and whether it was made now.
 
-    It is read back where scene, settings and code are the same as when it was made.
+    It is read back where scene, settings and code are the same as when it was made, and as many verdicts (`family`)
+    share the rate of false alarms.
     """
     from harness.files import cache_dir
     from harness.report.storage import STUDY_FILE, load_study, save_study
@@ -148,7 +153,7 @@ def _studied(scene: Scene, profile: Profile) -> tuple[StudyResult, bool]:
     key = {"scene": scene.content_hash, "name": scene.name, "exposure": scene.exposure, "notes": scene.notes,
            "strategies": exhibited_strategies(scene),
            "description": describe(scene.path) if scene.path else "", "spp": profile.spp, "replicas": profile.replicas,
-           "reference_spp": profile.reference_spp, "code": _code_hash(), **versions()}
+           "reference_spp": profile.reference_spp, "family": family, "code": _code_hash(), **versions()}
     digest = hashlib.sha256(json_module.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
     folder = cache_dir() / "studies" / digest
     if (folder / STUDY_FILE).exists():
@@ -157,7 +162,7 @@ def _studied(scene: Scene, profile: Profile) -> tuple[StudyResult, bool]:
         except StoreError as error:
             log(f"warning: {error.args[0].partition(';')[0]}; the study is made again")
     result = study(scene, exhibited_strategies(scene), spp=profile.spp, replicas=profile.replicas,
-                   reference_spp=profile.reference_spp, store=open_store(True), progress=progress)
+                   reference_spp=profile.reference_spp, family=family, store=open_store(True), progress=progress)
     save_study(result, folder)
     return result, True
 

@@ -42,14 +42,16 @@ def study(
     size: SizeOption = None,
     tolerance: Annotated[float | None, typer.Option(
         "--tolerance", min=1e-9, max=1.0, help="Bias, relative to the mean, that still counts as equivalent; 0.002 if "
-                                                "not given, 0.005 where the reference shows meshes.")] = None,
+                                                "not given, 0.005 where the reference shows meshes. Tiles have 6.25 "
+                                                "and 25 times that.")] = None,
     confidence: ConfidenceOption = 0.95,
     cache: CacheOption = True,
     json: JsonOption = False,
 ) -> int:
     """Measure how each strategy converges to the reference on a scene, and what equal error costs.
 
-    An interrupted study continues where it was. Exit status 1 when a suiting strategy's verdict is not pass.
+    An interrupted study continues where it was. Exit status 1 when a suiting strategy's mean is not judged pass, or
+    one of its tiles fails; tiles that are undecided are told with the samples that they would take.
 
     Example: `harness study mitsuba_scenes/spheres.xml --strategies uniform,cosine,mixture --spp 4096 --replicas 8`
     """
@@ -79,7 +81,7 @@ def study(
         print_json(_as_json(result))
     else:
         _print(result)
-    return 0 if all(item.verdict.outcome == "pass" for item in result.strategies if item.suits) else 1
+    return 0 if all(item.outcome == "pass" for item in result.strategies if item.suits) else 1
 
 
 def _names(strategies: str | None) -> list[str] | None:
@@ -109,8 +111,9 @@ def _as_json(result: StudyResult) -> dict[str, Any]:
         "strategies": [{
             "strategy": item.strategy, "suits": item.suits, "warning": item.warning, "spp": item.spp,
             "rmse": item.rmse, "mean_error": item.mean_error, "ssim": item.ssim, "slope": item.slope,
-            "verdict": item.verdict, "flip": item.flip, "delta_e2000": item.delta_e,
-            "cpu_seconds_per_spp": item.cpu_seconds_per_spp, "rejected": item.estimate.rejected,
+            "outcome": item.outcome, "verdict": item.verdict, "tiles": item.tiles, "flip": item.flip,
+            "delta_e2000": item.delta_e, "cpu_seconds_per_spp": item.cpu_seconds_per_spp,
+            "rejected": item.estimate.rejected,
         } for item in result.strategies],
     }
 
@@ -127,6 +130,8 @@ def _print(result: StudyResult) -> None:
     for item in result.strategies:
         print(f"{item.strategy}: {item.verdict.outcome if item.suits else 'not suited'}: "
               f"{item.verdict.reason if item.suits else item.warning}")
+        for tiles in (item.tiles.coarse, item.tiles.fine) if item.suits else ():
+            print(f"  tiles of {tiles.tile} px: {tiles.outcome}: {tiles.told}")
 
 
 def _cells(item: StrategyResult) -> tuple[str, ...]:

@@ -23,8 +23,9 @@ from harness.exr import write_estimate
 from harness.files import write_atomically
 from harness.gates.model import Gate, GateResult
 from harness.images import write_png
-from harness.report.pictures import DIFFERENCE_MAP, difference_map, robust_limit
+from harness.report.pictures import DIFFERENCE_MAP, difference_map, robust_limit, tile_pixels
 from harness.report.style import RC, TOLERANCE_COLOUR, strategy_style
+from harness.stats.findings import largest_deviates
 
 RESULT_FILE = "result.json"
 IMAGES = ("test.exr", "test.png", "reference.exr", "reference.png")
@@ -122,11 +123,10 @@ def _write(path: Path, figure: Figure) -> None:
 def _z_map(result: GateResult) -> Figure:
     """Errors of the smaller tiles over their standard errors, of the channel in which each is largest."""
     fine = result.verdict.fine
-    channel = np.abs(np.nan_to_num(fine.z)).argmax(axis=-1)[..., None]
-    z = np.take_along_axis(fine.z, channel, axis=-1)[..., 0]
+    z = largest_deviates(fine.z)
     limit = max(LEAST_Z, float(np.nanmax(np.abs(z), initial=0.0)))
     height, width = result.test.mean.shape[:2]
-    figure = _map(z.repeat(fine.tile, axis=0).repeat(fine.tile, axis=1)[:height, :width], limit,
+    figure = _map(tile_pixels(z, fine.tile, height, width), limit,
                   f"{result.gate.name}: error of each tile over its standard error",
                   f"z; chance stays within ±{fine.critical:.1f}")
     row, column = fine.worst

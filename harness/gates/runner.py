@@ -14,15 +14,13 @@ from harness.gates.references import FixedReference, References
 from harness.runs import Progress, Renderer, Run, quiet
 from harness.scene import Scene, load_scene
 from harness.stats.levels import Looks
+from harness.stats.needed import times
 from harness.stats.sequential import Sequence
 from harness.stats.tiles import TileSamples, tile_size
 from harness.stats.verdicts import tile_verdict
 from harness.tracer.codegen import scene_chunk
 from harness.tracer.renderer import TracerRenderer, check_strategy
 from harness.tracer.source import ShaderSource, assemble
-
-# A factor from which on there is no use in saying how large it is.
-MANY = 1e6
 
 # What renders the test: the tracer, or in tests and for mutants another.
 MakeRenderer = Callable[[Gate, Scene], Renderer]
@@ -110,7 +108,7 @@ def _require_budget(gate: Gate, sequence: Sequence, test: TileSamples, reference
         factor = share * factor_needed(sequence, test, reference)
         also = " (of the reference as well)" if isinstance(gate.reference, MitsubaReference) else ""
         raise gate.error(f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small to "
-                         f"decide; about {_times(factor)} the samples would do{also}, or wider tolerances")
+                         f"decide; about {times(factor)} the samples would do{also}, or wider tolerances")
 
 
 def _result(gate: Gate, scene: Scene, looks: list[Look], ours: Run, theirs: Run | FixedReference,
@@ -142,7 +140,3 @@ def _point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) 
     squares = (test.moments().mean - theirs.mean)**2 - theirs.variance
     square = float((squares / tile_scale(theirs)**2)[..., 3].mean())
     return CurvePoint(samples, error, low, high, float(np.sqrt(max(square, 0.0))))
-
-
-def _times(factor: float) -> str:
-    return f"{max(factor, 1.1):.2g} times" if factor < MANY else "more than a million times"

@@ -118,10 +118,11 @@ class SceneSection:
     facts: tuple[str, ...]
     remarks: tuple[Remark, ...]
     images: PictureFigure
-    differences: PictureFigure | None
+    differences: PictureFigure
     curves: CurveFigure
     accuracy: Table
     reasons: tuple[Remark, ...]
+    tiles: Table
     cost: Table | None
 
 

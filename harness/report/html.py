@@ -136,8 +136,8 @@ def _scene(scene: SceneSection, assets: dict[str, bytes]) -> str:
         f'<h2 id="{scene.anchor}">{escape(scene.name)}</h2>', *(f"<p>{_text(p)}</p>" for p in scene.description),
         f'<p class="facts">{facts}</p>', _remarks(scene.remarks), _pictures(scene.images, assets),
         _curves(scene.curves, assets, scene.anchor), _table(scene.accuracy), "<h3>The verdicts in words</h3>",
-        _remarks(scene.reasons), _table(scene.cost) if scene.cost else "",
-        _pictures(scene.differences, assets) if scene.differences else ""))
+        _remarks(scene.reasons), _table(scene.tiles), _table(scene.cost) if scene.cost else "",
+        _pictures(scene.differences, assets)))
 
 
 def _exhibits(chapter: Exhibits, assets: dict[str, bytes]) -> str:

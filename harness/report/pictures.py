@@ -53,6 +53,11 @@ def difference_png(difference: np.ndarray, limit: float) -> bytes:
     return _mapped(0.5 + 0.5 * difference / limit, DIFFERENCE_MAP)
 
 
+def tile_pixels(values: np.ndarray, tile: int, height: int, width: int) -> np.ndarray:
+    """Values of tiles (rows, columns) at each pixel of their image, (height, width)."""
+    return values.repeat(tile, axis=0).repeat(tile, axis=1)[:height, :width]
+
+
 def perceived_map(test: np.ndarray, reference: np.ndarray, exposure: float) -> np.ndarray:
     """(H, W) FLIP map at a fixed exposure, averaged down where the image is large."""
     return np.asarray(shrink(flip_map(test, reference, exposure)))

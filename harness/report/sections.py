@@ -22,6 +22,7 @@ from harness.report.efficiency import equal_error
 from harness.report.figures import curves_svg
 from harness.report.style import strategy_style
 from harness.report.tables import LUMINANCE, accuracy_table, cost_table, is_exact
+from harness.report.tiles import deviates_row, deviates_words, failures, tiles_table
 from harness.results import StrategyResult, StudyResult
 from harness.stats.limit import limit_error
 
@@ -49,8 +50,8 @@ def scene_section(result: StudyResult, stem: str) -> tuple[SceneSection, Assets]
     section = SceneSection(
         name=result.scene, anchor=stem, description=_paragraphs(result.description), facts=_facts(result),
         remarks=_remarks(result), images=_images(result, best_strategy(result), maps, stem, assets),
-        differences=_differences(result, maps, stem, assets) if len(result.strategies) > 1 else None,
-        curves=_curves(result, stem, assets), accuracy=accuracy_table(result), reasons=_reasons(result),
+        differences=_differences(result, maps, stem, assets), curves=_curves(result, stem, assets),
+        accuracy=accuracy_table(result), reasons=_reasons(result), tiles=tiles_table(result),
         cost=cost_table(result, equal) if equal else None)
     return section, assets
 
@@ -100,6 +101,7 @@ def _reasons(result: StudyResult) -> tuple[Remark, ...]:
         known = f" ({formats.count(dof)} degrees of freedom in luminance)" if np.isfinite(dof) else ""
         remarks.append(Remark(f"{strategy.strategy}: {formats.typographic(strategy.verdict.reason)}{known}."
                               f"{_limit_words(strategy, result)}", mark))
+        remarks += failures(strategy)
     return tuple(remarks)
 
 
@@ -141,7 +143,13 @@ def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str, as
 
 
 def _differences(result: StudyResult, maps: Maps, stem: str, assets: Assets) -> PictureFigure:
-    """Signed difference and FLIP of every strategy, on scales that they share."""
+    """Signed difference, FLIP and deviates of tiles of every strategy, on scales that they share.
+
+    Of a single strategy only the last: the others stand above already.
+    """
+    deviates = deviates_row(result, stem, DIFFERENCE_BAR, assets)
+    if len(result.strategies) == 1:
+        return PictureFigure(f"{result.scene}: the replicas merged. {deviates_words(result)}", (deviates,))
     suited = [maps[s.strategy] for s in result.strategies if s.suits] or list(maps.values())
     limit = pictures.robust_limit([difference for difference, _ in suited], _FINEST_DIFFERENCE)
     flip_limit = min(pictures.robust_limit([perceived for _, perceived in suited], _FINEST_FLIP), 1.0)
@@ -159,10 +167,10 @@ def _differences(result: StudyResult, maps: Maps, stem: str, assets: Assets) -> 
     caption = (f"{result.scene}: all strategies at the end of their runs, replicas merged, on common scales. An "
                "unbiased strategy leaves noise that averages out; an even patch of one colour would be bias. Blue with "
                "scattered deep red is a heavy tail: rare bright samples carry the light. "
-               f"{_scale_words(result.reference.mean)}")
+               f"{_scale_words(result.reference.mean)} {deviates_words(result)}")
     return PictureFigure(caption, (
         PictureRow(tuple(signed), "Signed relative difference", _difference_bar(limit)),
-        PictureRow(tuple(noticed), "FLIP", _flip_bar(flip_limit))))
+        PictureRow(tuple(noticed), "FLIP", _flip_bar(flip_limit)), deviates))
 
 
 def _scale_words(image: np.ndarray) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.report import formats
-from harness.report.content import Cell, Column, Mark, Swatch, Table
+from harness.report.content import SYMBOLS, Cell, Column, Mark, Swatch, Table
 from harness.report.efficiency import EqualError
 from harness.report.style import strategy_style
 from harness.results import StrategyResult, StudyResult
@@ -55,7 +55,7 @@ def slope_text(strategy: StrategyResult) -> str:
 
 
 def verdict_table(results: Sequence[StudyResult], anchors: Sequence[str]) -> Table:
-    """Scene × strategy: mean error, its tolerance and verdict, slope and verdict; scenes lead to their `anchors`."""
+    """Scene × strategy: mean error, verdicts on mean and tiles, slope; scenes lead to their `anchors`."""
     rows: list[tuple[Cell, ...]] = []
     rules: list[int] = []
     for result, anchor in zip(results, anchors, strict=True):
@@ -63,27 +63,30 @@ def verdict_table(results: Sequence[StudyResult], anchors: Sequence[str]) -> Tab
         for index, strategy in enumerate(result.strategies):
             first = (Cell(result.scene, rows=len(result.strategies), target=anchor),) if index == 0 else ()
             rows.append((*first, strategy_cell(strategy), Cell(formats.count(strategy.estimate.samples)),
-                         Cell(error_text(strategy, LUMINANCE)), Cell(formats.tolerance(strategy.verdict.tolerance)),
-                         *_verdict_cells(strategy)))
+                         Cell(error_text(strategy, LUMINANCE)), *_verdict_cells(strategy)))
     confidence = _confidence_text([strategy for result in results for strategy in result.strategies])
     caption = (
         f"Verdicts. Mean error: of luminance, over the whole image, relative to the reference, with its {confidence} "
-        "confidence interval; the verdict beside it holds for red, green and blue as well. Slope: of RMSE against "
-        f"samples per pixel on log axes; the Monte Carlo rate is {formats.MINUS}1/2, and a slope passes when its whole "
-        f"interval lies within {formats.number(EXPECTED_SLOPE - SLOPE_TOLERANCE, 2)} … "
+        "confidence interval. Beside it, each with its tolerance, the verdicts on the mean, on every larger and on "
+        f"every smaller tile, in all channels: {SYMBOLS['pass']} shown to lie within, {SYMBOLS['fail']} shown to lie "
+        f"outside, {SYMBOLS['inconclusive']} undecided by these samples. Slope: of RMSE against samples per pixel on "
+        f"log axes; the Monte Carlo rate is {formats.MINUS}1/2, and a slope passes when its whole interval lies within "
+        f"{formats.number(EXPECTED_SLOPE - SLOPE_TOLERANCE, 2)} … "
         f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}.")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Samples\nper pixel", "right"),
-               Column("Mean error", "right"), Column("Tolerance", "right"), Column("Verdict"),
+               Column("Mean error", "right"), Column("Mean"), Column("Larger\ntiles"), Column("Smaller\ntiles"),
                Column("Slope", "right"), Column("Verdict"))
     return Table(caption, columns, tuple(rows), tuple(rules))
 
 
 def _verdict_cells(strategy: StrategyResult) -> tuple[Cell, ...]:
     if not strategy.suits:
-        return (Cell("not suited", "warning"), Cell(slope_text(strategy)), Cell("not judged", "warning"))
+        return (Cell("not suited", "warning"), Cell(formats.MISSING), Cell(formats.MISSING),
+                Cell(slope_text(strategy)), Cell("not judged", "warning"))
     mark = slope_mark(strategy)
-    return (Cell(strategy.verdict.outcome, strategy.verdict.outcome), Cell(slope_text(strategy)),
-            Cell(mark or "not fitted", mark))
+    verdicts = (Cell(formats.tolerance(found.tolerance), found.outcome)
+                for found in (strategy.verdict, strategy.tiles.coarse, strategy.tiles.fine))
+    return (*verdicts, Cell(slope_text(strategy)), Cell(mark or "not fitted", mark))
 
 
 def accuracy_table(result: StudyResult) -> Table:

@@ -17,6 +17,8 @@ from harness.report.tables import (
     is_exact,
     slope_mark,
 )
+from harness.report.tiles import reading as tiles_reading
+from harness.report.tiles import tiles_summary
 from harness.results import StrategyResult, StudyResult
 
 Pair = tuple[StudyResult, StrategyResult]
@@ -29,7 +31,9 @@ def summary(results: Sequence[StudyResult]) -> tuple[Remark, ...]:
     """What the data say, in sentences: agreement, how sharp the test was, convergence, gains, and what was left out."""
     pairs = [(result, strategy) for result in results for strategy in result.strategies]
     judged = [pair for pair in pairs if pair[1].suits]
-    remarks = [*_agreement(judged, len(results)), *_sharpness(judged), *_convergence(judged), *_gains(results)]
+    failed = [pair for pair in judged if pair[1].tiles.failed]
+    remarks = [*_agreement(judged, len(results)), *tiles_summary(judged, _names(failed), failed),
+               *_sharpness(judged), *_convergence(judged), *_gains(results)]
     exact = [pair for pair in judged if is_exact(pair[1])]
     if exact:
         remarks.append(Remark(f"Exact, with no noise to converge: {_names(exact)}.", "exact"))
@@ -55,15 +59,15 @@ def _agreement(judged: Sequence[Pair], scenes: int) -> list[Remark]:
     of = f"{formats.plural(len(judged), 'pair')} of strategy and scene over {formats.plural(scenes, 'scene')}"
     remarks = []
     if failed:
-        remarks.append(Remark(f"{len(failed)} of {of} differ from the reference by more than {tolerances}: "
+        remarks.append(Remark(f"{len(failed)} of {of} differ from the reference in the mean by more than {tolerances}: "
                               f"{_names(failed)}.", "fail"))
     if open_:
-        remarks.append(Remark(f"{len(open_)} of {of} are undecided at this number of samples: {_names(open_)}.",
-                              "inconclusive"))
+        remarks.append(Remark(f"{len(open_)} of {of} are undecided in the mean at this number of samples: "
+                              f"{_names(open_)}.", "inconclusive"))
     if passed:
         whole = "All" if len(passed) == len(judged) else f"{len(passed)} of"
-        remarks.append(Remark(f"{whole} {of} agree with the reference within {tolerances} in every colour channel.",
-                              "pass"))
+        remarks.append(Remark(f"{whole} {of} agree with the reference within {tolerances} in the mean of every colour "
+                              "channel.", "pass"))
     known = [pair for pair in judged if np.isfinite(pair[1].verdict.error[LUMINANCE])]
     if known:
         result, worst = max(known, key=lambda pair: abs(float(pair[1].verdict.error[LUMINANCE])))
@@ -159,6 +163,7 @@ def reading() -> tuple[tuple[str, str], ...]:
          f"{SYMBOLS['fail']} fail: the error of some channel lies outside. {SYMBOLS['inconclusive']} inconclusive: the "
          "interval reaches across the tolerance, and more samples would decide. An interval too wide to see a bias as "
          "large as the tolerance can therefore never pass."),
+        tiles_reading(),
         ("RMSE",
          "The root of the mean squared difference over pixels and channels, in the scene's radiance unit. The "
          "reference has noise of its own, whose variance is subtracted from the squares first; the curve is then what "

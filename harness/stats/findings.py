@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.stats.bias import CHANNELS, Outcome
 from harness.stats.deviates import critical_deviate
-from harness.stats.needed import factor_to_decide
+from harness.stats.needed import factor_to_decide, times
 from harness.stats.tiles import COARSER, TileSamples
 from harness.stats.verdicts import TileVerdict, Tolerance, tile_verdict
 
@@ -44,6 +44,13 @@ class TileFinding:
     high: float
     detectable: tuple[float, float]
     needed: float
+
+    @property
+    def told(self) -> str:
+        """The reason, and where samples are wanted how many."""
+        if self.outcome != "inconclusive" or not np.isfinite(self.needed):
+            return self.reason
+        return f"{self.reason}, about {times(self.needed)} as many"
 
 
 @dataclass(frozen=True, eq=False)

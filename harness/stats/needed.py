@@ -9,6 +9,8 @@ from scipy import special
 DECIDED = 0.95
 # Beyond so many times the samples there is no use in saying how many.
 HOPELESS = 2.0**40
+# A factor from which on there is no use in saying how large it is.
+MANY = 1e6
 
 
 def factor_to_decide(ratios: np.ndarray, sure: float) -> float:
@@ -25,6 +27,11 @@ def factor_to_decide(ratios: np.ndarray, sure: float) -> float:
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if _undecided(ratios, middle, sure) > 1 - DECIDED else (low, middle)
     return high
+
+
+def times(factor: float) -> str:
+    """A factor in words: '3.1 times', never less than 1.1."""
+    return f"{max(factor, 1.1):.2g} times" if factor < MANY else "more than a million times"
 
 
 def _undecided(ratios: np.ndarray, factor: float, sure: float) -> float:

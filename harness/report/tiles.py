@@ -1,0 +1,159 @@
+"""What a study's tiles say: a table, maps of their deviates, and sentences for the summary."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.report import formats, pictures
+from harness.report.content import SYMBOLS, Bar, Cell, Column, Mark, Picture, PictureRow, Remark, Swatch, Table
+from harness.report.style import strategy_style
+from harness.report.tables import strategy_cell
+from harness.results import StrategyResult, StudyResult
+from harness.stats.findings import TileFinding
+from harness.stats.verdicts import TESTS
+
+Pair = tuple[StudyResult, StrategyResult]
+Assets = dict[str, bytes]
+
+# Beyond so many times the samples a reader need not know how many.
+_MANY = 1e6
+# A p-value above this is printed as such: the family's correction drives them to one.
+_CERTAIN = 0.99
+
+
+def tiles_table(result: StudyResult) -> Table:
+    """Two rows a strategy, its larger and its smaller tiles: verdict, the tile furthest off, and what could hide."""
+    rows: list[tuple[Cell, ...]] = []
+    rules = []
+    for strategy in result.strategies:
+        rules.append(len(rows))
+        for index, found in enumerate((strategy.tiles.coarse, strategy.tiles.fine)):
+            head = (Cell(**{**vars(strategy_cell(strategy)), "rows": 2}),) if index == 0 else ()
+            mark: Mark = found.outcome if strategy.suits else "warning"
+            rows.append((
+                *head, Cell(f"{found.tile}{formats.NBSP}px, {formats.tolerance(found.tolerance)}"),
+                Cell(found.outcome if strategy.suits else "not suited", mark),
+                Cell(f"{found.x},{formats.NBSP}{found.y}"),
+                Cell(f"{found.channel} {formats.percent_interval(found.error, found.low, found.high)}"),
+                Cell(_deviate(found)), Cell(_probability(found.p)),
+                Cell(_sizes(*found.detectable)), Cell(_needed(found))))
+    first = result.strategies[0].tiles.fine
+    interval = f"{100 * (1 - first.pass_level):g}{formats.NBSP}%"
+    caption = (
+        "Tiles, by their side and the tolerance of one, each held against its own mean in the reference. Furthest off: "
+        "the tile with the largest error over its standard error, by its first pixel (x, y), with its error and "
+        f"{interval} interval in the channel where that is largest. z: that ratio as a normal deviate, of which chance "
+        f"exceeds the bound beside it in any tile with probability {formats.significant(first.fail_level, 2)}. p: the "
+        "probability with which chance lets any tile exceed the tolerance as clearly as one does; below the same "
+        "number a size of tiles fails. Sure to show: the bias that would have made the median tile, and the least "
+        f"sharp one, fail with 95{formats.NBSP}% probability. To decide: how many times these samples, of both sides, "
+        "an unbiased render would take to pass.")
+    columns = (Column("Strategy"), Column("Tiles"), Column("Verdict"), Column("Furthest\noff"),
+               Column("Error there", share=1), Column("z", "right"), Column("p", "right"),
+               Column("Sure to\nshow", "right"), Column("To\ndecide", "right"))
+    return Table(caption, columns, tuple(rows), tuple(rules))
+
+
+def deviates_row(result: StudyResult, stem: str, bar: str, assets: Assets) -> PictureRow:
+    """Maps of the smaller tiles' deviates, one a strategy, between the bounds of what chance shows; `bar`: its file."""
+    height, width = result.reference.mean.shape[:2]
+    limit = max(strategy.tiles.fine.critical for strategy in result.strategies)
+    maps = []
+    for strategy in result.strategies:
+        name, found = strategy.strategy, strategy.tiles.fine
+        file = f"{stem}-deviates-{name}.png"
+        assets[file] = pictures.difference_png(pictures.tile_pixels(found.z, found.tile, height, width), limit)
+        style = strategy_style(name)
+        swatch = Swatch(style.glyph, style.colour) if len(result.strategies) == 1 else None
+        maps.append(Picture(file, name if swatch else "", f"Deviates of the smaller tiles of {name}, within "
+                            f"±{limit:.2g}", swatch=swatch))
+    labels = (f"{formats.MINUS}{limit:.2g}", "0", f"+{limit:.2g}")
+    return PictureRow(tuple(maps), f"Smaller tiles ({result.strategies[0].tiles.fine.tile} px): error over standard "
+                      "error", Bar(bar, labels))
+
+
+def deviates_words(result: StudyResult) -> str:
+    """How to look at the maps of deviates."""
+    return ("Tiles: each smaller tile's error over its standard error, in the channel where that is largest. Speckle "
+            f"is noise; chance paints a tile in full colour, beyond the bar's ends, in one map of "
+            f"{formats.count(round(1 / result.strategies[0].tiles.fine.fail_level, -2))}; colour in the shape of an "
+            "object is bias.")
+
+
+def failures(strategy: StrategyResult) -> tuple[Remark, ...]:
+    """Tiles that fail, in words; nothing where a strategy does not suit."""
+    return tuple(Remark(f"{strategy.strategy}, tiles of {found.tile} px: {formats.typographic(found.reason)}.", "fail")
+                 for found in (strategy.tiles.coarse, strategy.tiles.fine)
+                 if strategy.suits and found.outcome == "fail")
+
+
+def tiles_summary(judged: Sequence[Pair], names: str, failed: Sequence[Pair]) -> list[Remark]:
+    """What all tiles of the judged pairs say together; `names`: the `failed` pairs in words."""
+    if not judged:
+        return []
+    count = formats.plural(len(judged), "pair")
+    level = max(strategy.tiles.fine.fail_level for _, strategy in judged)
+    rate = formats.percent(float(-np.expm1(TESTS * len(judged) * np.log1p(-level))))
+    tiles = sum(found.z.size for _, s in judged for found in (s.tiles.coarse, s.tiles.fine))
+    shared = (f"{formats.count(tiles)} tiles were tested in four channels; were every render right, some image or tile "
+              f"would fail in {rate} of such reports at most")
+    if failed:
+        remarks = [Remark(f"In {len(failed)} of {count} some tile differs from the reference by more than its "
+                          f"tolerance: {names} ({shared}).", "fail")]
+    else:
+        remarks = [Remark(f"No tile of any pair differs from the reference by more than its tolerance as far as can "
+                          f"be told: {shared}.")]
+    larger, smaller = ([getattr(s.tiles, size) for _, s in judged] for size in ("coarse", "fine"))
+    passed = [sum(found.outcome == "pass" for found in each) for each in (larger, smaller)]
+    bounds = [formats.words([formats.tolerance(t) for t in sorted({found.tolerance for found in each})])
+              for each in (larger, smaller)]
+    mark: Mark = "pass" if sum(passed) == 2 * len(judged) else "inconclusive"
+    hidden = float(np.median([found.detectable[0] for found in smaller]))
+    more = "" if mark == "pass" else (" The others are not shown to be right in every part: their pages say how many "
+                                      "samples that would take.")
+    remarks.append(Remark(
+        f"Every larger tile lies within {bounds[0]} in {passed[0]} of {count}, every smaller one within {bounds[1]} "
+        f"in {passed[1]}.{more} In half of the pairs a bias of {formats.percent(hidden)} in a smaller tile of median "
+        f"noise would have been found with 95{formats.NBSP}% probability.", mark))
+    return remarks
+
+
+def reading() -> tuple[str, str]:
+    """The term 'Tiles', with what a reader needs to judge by it."""
+    return ("Verdicts on tiles",
+            "A mean can be right while the picture is wrong: too bright here, too dark there. So the image is also cut "
+            "into tiles, the larger of 1/5 of its side, the smaller so small that any square of 1 % of the image, "
+            "wherever it lies, holds a whole one; the tolerances stand to that of the mean as the noise of a tile to "
+            f"the noise of the image. {SYMBOLS['pass']} pass: every tile, in every channel, is shown to lie within its "
+            f"tolerance. {SYMBOLS['fail']} fail: some tile is shown to lie outside, by more than chance makes of the "
+            f"noisiest of them. {SYMBOLS['inconclusive']} inconclusive: neither, for tiles are noisier than the image. "
+            "A tile that fails makes the strategy fail. One that is undecided leaves it as its mean is judged, and is "
+            "no proof of anything: the table then says which bias could still hide, and how many samples would decide. "
+            "All images and tiles that are tested share one rate of false alarms (Šidák 1967), so that of a hundred "
+            "such reports on a right renderer one may show a failure. Tails that rare bright samples make heavy are "
+            "corrected for by their skewness (Hall 1992), and a tile that has met no bright sample borrows the "
+            "variance of its neighbours, which have.")
+
+
+def _deviate(found: TileFinding) -> str:
+    value = float(np.nan_to_num(found.z).flat[np.abs(np.nan_to_num(found.z)).argmax()])
+    return f"{formats.number(value, 1, sign=True)} (±{found.critical:.1f})"
+
+
+def _probability(p: float) -> str:
+    return f">{formats.NBSP}{_CERTAIN:g}" if p > _CERTAIN else formats.significant(p, 1)
+
+
+def _sizes(small: float, large: float) -> str:
+    """Two sizes of bias, in percent: '6.1 … 52 %'."""
+    return f"{formats.percent(small, unit=False)} … {formats.percent(large)}"
+
+
+def _needed(found: TileFinding) -> str:
+    if found.outcome != "inconclusive":
+        return formats.MISSING
+    if not found.needed < _MANY:
+        return f">{formats.NBSP}10⁶{formats.TIMES}"
+    return f"{formats.significant(max(found.needed, 1.1), 2)}{formats.TIMES}"
