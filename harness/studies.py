@@ -34,6 +34,7 @@ from harness.stats.bias import error_scale
 from harness.stats.convergence import fit_slope
 from harness.stats.findings import judge_tiles
 from harness.stats.tiles import TileAccumulator, TileSamples, tile_size
+from harness.stats.verdicts import Tolerance
 from harness.store import Store
 from harness.tracer.codegen import STRATEGIES
 from harness.tracer.renderer import TracerRenderer, check_strategy, suitable_strategies
@@ -77,25 +78,25 @@ def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1
     `strategies`: all that suit the scene where None. `spp`: samples per pixel of each replica; where `replicas` are
     too few to decide, more are added, up to `max_replicas` (16 x replicas by default). `reference`: a ready one (closed
     form, file); otherwise Mitsuba renders `reference_spp` samples, 4 x spp by default, and up to 8 times as many where
-    its own noise would keep the verdicts from deciding. `tolerance`: of the mean, that of `tolerance_for` where None;
-    tiles have theirs in proportion. `family`: how many strategies share the rate of false alarms, those of this study
-    where None. A study that was interrupted continues from the store. Raises HarnessError for an unknown strategy,
-    counts below their minimum, an image too small for SSIM, and a reference of another size or with pixels that are
-    not finite.
+    its own noise would keep the verdicts from deciding. `tolerance`: of the mean, tiles having theirs in proportion;
+    those of `tolerance_for` where None. `family`: how many strategies share the rate of false alarms, those of this
+    study where None. A study that was interrupted continues from the store. Raises HarnessError for an unknown
+    strategy, counts below their minimum, an image too small for SSIM, and a reference of another size or with pixels
+    that are not finite.
     """
     if spp < 1:
         raise HarnessError(f"samples per pixel must be at least 1, found {spp}")
     if replicas < 2:
         raise HarnessError(f"a study needs at least 2 replicas to tell its own uncertainty, found {replicas}")
     names = tuple(dict.fromkeys(strategies)) if strategies else suitable_strategies(scene)
-    allowed, reason = tolerance_for(scene) if tolerance is None else (tolerance, "")
+    allowed, reason = tolerance_for(scene) if tolerance is None else (tolerances(tolerance), "")
     suiting = sum(check_strategy(scene, name).suits for name in names)
     plan = _Plan(spp, replicas, max_replicas or MAX_REPLICA_FACTOR * replicas, allowed, confidence,
                  fail_level(family or max(suiting, 1)))
     metrics.require_ssim_size(scene.height, scene.width)
     kind = "given" if reference else "Mitsuba"
     if reference is None:
-        run = _precise_reference(scene, reference_spp or REFERENCE_FACTOR * spp, plan.tolerance, store, progress)
+        run = _precise_reference(scene, reference_spp or REFERENCE_FACTOR * spp, plan.tolerance.mean, store, progress)
         reference, tiles = run.estimate(), run.tiles()
     if reference.mean.shape[:2] != (scene.height, scene.width):
         raise HarnessError(f"the reference is {reference.mean.shape[1]} x {reference.mean.shape[0]} pixels, the scene "
@@ -150,7 +151,7 @@ class _Plan:
     spp: int
     replicas: int
     max_replicas: int
-    tolerance: float
+    tolerance: Tolerance
     confidence: float
     fail_level: float
 
@@ -192,10 +193,10 @@ class _Replicas:
         return StrategyResult(
             strategy=strategy.name, suits=strategy.suits, warning=strategy.warning, spp=spp,
             rmse=rmse, mean_error=mean_error, ssim=ssim, estimate=merged,
-            verdict=judge(merged, reference, tolerance=plan.tolerance, confidence=plan.confidence,
+            verdict=judge(merged, reference, tolerance=plan.tolerance.mean, confidence=plan.confidence,
                           fail_level=plan.fail_level),
-            tiles=judge_tiles(self.tiles.samples(), self.reference.tiles, tolerances(plan.tolerance),
-                              fail_level=plan.fail_level, pass_level=1 - plan.confidence),
+            tiles=judge_tiles(self.tiles.samples(), self.reference.tiles, plan.tolerance, fail_level=plan.fail_level,
+                              pass_level=1 - plan.confidence),
             slope=None if _is_exact(merged) or len(spp) < 3 else fit_slope(spp, rmse),
             flip=metrics.flip(merged.mean, reference.mean, scene.exposure),
             delta_e=metrics.delta_e2000(merged.mean, reference.mean, scene.exposure),
@@ -210,8 +211,8 @@ def _study_strategy(scene: Scene, name: str, reference: _Reference, plan: _Plan,
         with progress(plan.spp * plan.replicas, f"{scene.name} {name}") as advance:
             for _ in range(plan.replicas):
                 run.add_replica(store, advance)
-        more = replicas_needed(run.total.estimate(), reference.estimate, plan.replicas, plan.tolerance) - plan.replicas
-        more = min(more, plan.max_replicas - plan.replicas) if renderer.strategy.suits else 0
+        more = replicas_needed(run.total.estimate(), reference.estimate, plan.replicas, plan.tolerance.mean)
+        more = min(more - plan.replicas, plan.max_replicas - plan.replicas) if renderer.strategy.suits else 0
         with progress(plan.spp * max(more, 1), f"{scene.name} {name}, more to decide") as advance:
             for _ in range(more):
                 run.add_replica(store, advance)

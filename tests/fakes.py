@@ -10,9 +10,13 @@ from harness.estimate import Batch
 
 
 class NoiseRenderer:
-    """Normal noise of standard deviation `sigma` per sample around `mean`, in an image of `size` (H, W)."""
+    """Normal noise of standard deviation `sigma` per sample around `mean`, in an image of `size` (H, W).
 
-    def __init__(self, mean: float = 0.5, sigma: float = 0.3, size: tuple[int, int] = (16, 24)) -> None:
+    `mean`, `sigma`: numbers, or what numpy can stretch to the image.
+    """
+
+    def __init__(self, mean: float | np.ndarray = 0.5, sigma: float | np.ndarray = 0.3,
+                 size: tuple[int, int] = (16, 24)) -> None:
         self.mean, self.sigma, self.size = mean, sigma, size
         self.calls: list[tuple[int, int, int]] = []
 

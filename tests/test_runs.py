@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,20 @@ import pytest
 
 from harness.errors import HarnessError
 from harness.estimate import Estimate
-from harness.runs import batches, equal_batches, judge, render_estimate
+from harness.files import data_dir
+from harness.runs import (
+    FALSE_ALARMS,
+    batches,
+    equal_batches,
+    fail_level,
+    judge,
+    reference_run,
+    render_estimate,
+    tiles_of,
+    tolerances,
+)
+from harness.scene import load_scene
+from harness.stats.verdicts import Tolerance
 from harness.store import Store
 from tests.fakes import NoiseRenderer
 
@@ -99,3 +113,38 @@ def test_the_verdict_follows_the_bias(bias: float, outcome: str) -> None:
 def test_too_few_samples_decide_nothing() -> None:
     truth = Estimate.exact(np.full((4, 4, 3), 0.5))
     assert judge(render_estimate(NoiseRenderer(size=(4, 4)), 16), truth).outcome == "inconclusive"
+
+
+def test_a_level_of_its_own_decides_who_fails() -> None:
+    """A bias of one and a half tolerances is plain at 5 %, not where a thousand verdicts share 1 %."""
+    truth = Estimate.exact(np.full((16, 16, 3), 0.5))
+    test = render_estimate(NoiseRenderer(mean=0.503, sigma=0.1, size=(16, 16)), 2048)
+    assert judge(test, truth, tolerance=0.005).outcome == "fail"
+    assert judge(test, truth, tolerance=0.005, fail_level=fail_level(1000)).outcome == "inconclusive"
+
+
+def test_all_tests_of_a_family_together_have_its_rate() -> None:
+    for family in (1, 75):
+        assert 1 - (1 - fail_level(family)) ** (3 * family) == pytest.approx(FALSE_ALARMS)
+
+
+def test_tiles_are_tolerated_in_proportion_to_the_mean() -> None:
+    assert tolerances(0.002) == Tolerance()
+    assert tolerances(0.02) == Tolerance(0.02, 0.125, 0.5)
+
+
+@pytest.mark.parametrize(("spp", "length"), [
+    (1, 1), (31, 1), (32, 1), (1000, 16), (1024, 32), (4096, 128), (2**20, 128)])
+def test_a_reference_is_drawn_in_enough_batches(spp: int, length: int) -> None:
+    """Lengths that others share, none longer than single precision can sum."""
+    scene = load_scene(data_dir("mitsuba_scenes") / "furnace_convex.xml", width=8, height=8)
+    assert reference_run(scene, spp).spp == length
+
+
+def test_tiles_of_an_unknown_variance_know_none() -> None:
+    known = render_estimate(NoiseRenderer(size=(16, 24)), 64)
+    assert np.isfinite(tiles_of(known, 4).moments().variance).all()
+    unknown = dataclasses.replace(known, variance=np.full_like(known.variance, np.nan))
+    for estimate in (unknown, dataclasses.replace(known, batches=1)):
+        moments = tiles_of(estimate, 4).moments()
+        assert np.isfinite(moments.mean).all() and np.isnan(moments.variance).all()

@@ -14,12 +14,28 @@ from harness.errors import HarnessError
 from harness.estimate import Batch, Estimate
 from harness.files import data_dir
 from harness.reference import ReferenceRenderer
-from harness.runs import render_estimate, tiles_of, tolerance_for
+from harness.results import StrategyResult
+from harness.runs import fail_level, render_estimate, tiles_of, tolerance_for
 from harness.scene import Scene
 from harness.scene.model import Displacement, Procedural
+from harness.stats.verdicts import Tolerance
 from harness.store import Store, schedule
-from harness.studies import _Reference, _Replicas, exhibited_strategies, prefix_sizes, replicas_needed
+from harness.studies import _Reference, _Replicas, exhibited_strategies, judged, prefix_sizes, replicas_needed
+from harness.tracer.renderer import Strategy
 from tests.fakes import NoiseRenderer
+
+
+class Noise(NoiseRenderer):
+    """A renderer of noise with what a study asks of the tracer besides."""
+
+    strategy = Strategy("mixture", suits=True)
+
+    def __init__(self) -> None:
+        super().__init__(size=(36, 48))
+
+    def release(self) -> None:
+        """Nothing is held."""
+
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
 
@@ -164,7 +180,61 @@ class TestWhatAReportShows:
     def test_a_mesh_in_the_reference_widens_the_tolerance_and_says_so(self, scene: Scene) -> None:
         fractal = Procedural("fractal", ((0.0,) * 3, (1.0,) * 3), 1, 2.0, 0.5, 1.0, 0.0, 0, scene.shapes[0].to_world)
         bumpy = dataclasses.replace(scene.shapes[1], displacement=Displacement(fractal, 0.1))
-        assert tolerance_for(scene) == (0.002, "")
+        assert tolerance_for(scene) == (Tolerance(), "")
         tolerance, reason = tolerance_for(dataclasses.replace(scene, shapes=(scene.shapes[0], bumpy)))
-        assert tolerance == 0.005
+        assert tolerance == Tolerance(mean=0.005)
         assert "0.5% instead of 0.2%" in reason
+
+
+class TestTiles:
+    """Beside the mean, parts of the image are judged."""
+
+    truth = np.full((36, 48, 3), 0.5)
+
+    @pytest.fixture
+    def noise(self, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> Noise:
+        """Normal noise in place of the tracer."""
+        made = Noise()
+        monkeypatch.setattr("harness.studies.TracerRenderer", lambda scene, name: made)
+        return made
+
+    def study(self, scene: Scene, **options: object) -> StrategyResult:
+        reference = Estimate.exact(self.truth)
+        return study(scene, ["mixture"], spp=256, replicas=8, reference=reference, **options).strategies[0]  # type: ignore[arg-type]
+
+    def test_a_defect_that_the_mean_does_not_know_of_fails(self, scene: Scene, noise: Noise) -> None:
+        noise.mean = self.truth.copy()
+        noise.mean[8:16, 16:24] *= 1.1
+        noise.mean[24:32, 16:24] *= 0.9
+        found = self.study(scene)
+        assert (found.verdict.outcome, found.outcome) == ("pass", "fail")
+        assert found.tiles.coarse.outcome == "fail"
+        assert (found.tiles.coarse.x, found.tiles.coarse.y) in ((16, 8), (16, 24))
+
+    def test_noise_in_tiles_leaves_the_outcome_to_the_mean(self, scene: Scene, noise: Noise) -> None:
+        noise.sigma = np.full((36, 48, 1), 0.1)
+        noise.sigma[:2, :2] = 5.0
+        found = self.study(scene)
+        assert (found.verdict.outcome, found.tiles.fine.outcome, found.outcome) == ("pass", "inconclusive", "pass")
+
+    def test_a_larger_family_leaves_each_a_smaller_level(self, scene: Scene, noise: Noise) -> None:
+        alone, shared = self.study(scene), self.study(scene, family=100)
+        assert alone.tiles.fine.fail_level == pytest.approx(0.01 / 3, rel=0.01)
+        assert shared.tiles.fine.fail_level == pytest.approx(0.01 / 300, rel=0.01)
+        assert (shared.verdict.smallest_detectable > 1.3 * alone.verdict.smallest_detectable).all()
+
+    def test_a_family_is_every_strategy_that_suits(self, scene: Scene) -> None:
+        """phong does not suit: of five shown, four are judged."""
+        assert judged([scene, scene]) == 8
+        result = study(scene, ["cosine", "phong"], spp=4, replicas=2, max_replicas=2,
+                       reference=Estimate.exact(self.truth))
+        assert {item.tiles.fine.fail_level for item in result.strategies} == {fail_level(1)}
+
+    def test_come_out_the_same_from_the_store(self, scene: Scene, tmp_path: Path) -> None:
+        first, again = (study(scene, ["mixture"], spp=16, replicas=2, max_replicas=2, reference_spp=64, tolerance=0.05,
+                              store=Store(tmp_path)) for _ in range(2))
+        assert first.reference.batches == again.reference.batches >= 32
+        for size in ("coarse", "fine"):
+            one, other = (getattr(result.strategies[0].tiles, size) for result in (first, again))
+            np.testing.assert_array_equal(one.z, other.z)
+            assert one.reason == other.reason

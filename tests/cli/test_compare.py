@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -55,16 +56,38 @@ class TestVerdict:
     def test_is_told_with_each_channels_interval(self, harness: Harness) -> None:
         done = harness("compare", ours("x.exr", replica=1), ours("truth.exr"), "--tolerance", "0.01")
         lines = done.out.splitlines()
-        assert lines[-1].startswith("verdict: pass: ")
+        assert [line.partition(": ")[0] for line in lines[-3:]] == ["verdict", "tiles of 4 px", "tiles of 1 px"]
+        assert all(": pass: " in line for line in lines[-3:])
         assert [line.split(" ")[2] for line in lines if line.startswith("mean error, ")] == [
             "red", "green", "blue", "luminance"]
         assert done.err == ""
+
+    def test_goes_against_an_image_that_is_wrong_in_one_place(self, harness: Harness) -> None:
+        """The mean is right: what is too bright here is too dark there."""
+        patched = np.full((*SHAPE, 1), 0.5)
+        patched[4:8, 8:12], patched[8:12, 4:8] = 0.6, 0.4
+        write_estimate("x.exr", render_estimate(NoiseRenderer(mean=patched, size=SHAPE), 4096, replica=1), SCENE)
+        done = harness("compare", "x.exr", ours("truth.exr"), "--json")
+        assert done.status == 1
+        assert done.json["verdict"]["outcome"] != "fail"
+        coarse = done.json["tiles"]["coarse"]
+        assert (coarse["outcome"], coarse["tile"]) == ("fail", 4)
+        assert (coarse["x"], coarse["y"]) in ((8, 4), (4, 8))
+        assert abs(coarse["error"]) == pytest.approx(0.2, abs=0.02)
+
+    def test_leaves_tiles_undecided_that_are(self, harness: Harness) -> None:
+        done = harness("compare", ours("x.exr", replica=1), ours("truth.exr"), "--tolerance", "0.003")
+        assert done.status == 0
+        fine = done.out.splitlines()[-1]
+        assert fine.startswith("tiles of 1 px: inconclusive: ")
+        assert re.search(r"; draw more samples, about \d\.\d times as many$", fine)
 
     def test_is_inconclusive_for_a_render_of_ours_too_short_to_know_its_variance(self, harness: Harness) -> None:
         done = harness("compare", ours("x.exr", samples=1), ours("truth.exr"), "--json")
         assert done.status == 1
         assert done.json["verdict"]["outcome"] == "inconclusive"
         assert "variance" in done.json["verdict"]["reason"]
+        assert all("variance of the test image is unknown" in tiles["reason"] for tiles in done.json["tiles"].values())
 
     @pytest.mark.parametrize("swapped", [False, True])
     def test_is_not_given_for_files_of_others(self, harness: Harness, swapped: bool) -> None:
@@ -76,7 +99,7 @@ class TestVerdict:
 
     def test_is_none_in_json_for_files_of_others(self, harness: Harness) -> None:
         done = harness("compare", foreign("theirs.exr"), ours("ours.exr"), "--json")
-        assert done.json["verdict"] is None
+        assert done.json["verdict"] is done.json["tiles"] is None
         assert done.json["rmse"] > 0
 
     @pytest.mark.parametrize("value", [np.nan, np.inf])

@@ -13,6 +13,7 @@ import pytest
 
 from harness import bench, files, studies
 from harness.results import StudyResult
+from harness.runs import fail_level
 from tests.cli.conftest import SKY, Harness
 
 ROW = bench.Row("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.0, opponent_rate=2.0, ratio=6.0, low=5.5,
@@ -138,6 +139,38 @@ def test_a_verdict_that_is_not_pass_is_named_and_makes_the_status_1(
     assert done.err == "warning: sky uniform: fail\nwarning: sky cosine: inconclusive\n"
     assert done.out.splitlines()[0].startswith("2 of 4 verdicts pass; ")
     assert done.out.splitlines()[-1] == "out/report.pdf"
+
+
+def test_a_tile_that_fails_makes_the_status_1_and_an_undecided_one_does_not(
+    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Built],
+) -> None:
+    def spoilt(*arguments: object, **options: object) -> StudyResult:
+        result = honest(*arguments, **options)  # type: ignore[arg-type]
+        items = []
+        for item, outcome in zip(result.strategies, ("fail", "inconclusive", "pass", "pass", "pass"), strict=True):
+            tiles = dataclasses.replace(item.tiles, fine=dataclasses.replace(item.tiles.fine, outcome=outcome))
+            items.append(dataclasses.replace(item, tiles=tiles))
+        return dataclasses.replace(result, strategies=tuple(items))
+
+    honest = studies.study
+    monkeypatch.setattr(studies, "study", spoilt)
+    done = harness("report", sky, "-o", "out", "--json")
+    assert done.status == 1
+    assert done.err == "warning: sky uniform: fail in tiles\n"
+    assert [done.json["verdicts"][f"sky {name}"] for name in ("uniform", "cosine")] == ["fail", "pass"]
+
+
+def test_all_scenes_of_a_report_share_the_rate_of_false_alarms(
+    harness: Harness, sky: Path, unset: list[Built],
+) -> None:
+    """Five strategies a scene; with a second scene each has half the level, also where the first is in the cache."""
+    other = sky.with_name("other.xml")
+    other.write_text(SKY, encoding="utf-8")
+    harness("report", sky, "-o", "out")
+    harness("report", sky, other, "-o", "out")
+    levels = [{item.tiles.fine.fail_level for result in built.results for item in result.strategies}
+              for built in unset]
+    assert levels == [{fail_level(5)}, {fail_level(10)}]
 
 
 @pytest.mark.parametrize("content", ["", '{"rows": [{"scene": "x"}]}'])

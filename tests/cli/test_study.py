@@ -30,14 +30,27 @@ class TestStatus:
         done = harness("study", sky, *BRIEF)
         assert done.status == 0
         assert done.err == ""
-        told = [line for line in done.out.splitlines() if ": pass: " in line]
-        assert [line.split(":")[0] for line in told] == ["uniform", "cosine", "phong", "lobes", "mixture"]
+        told = [line.split(":")[0] for line in done.out.splitlines() if ": pass: " in line]
+        assert told[::3] == ["uniform", "cosine", "phong", "lobes", "mixture"]
+        assert told[1::3] == ["  tiles of 4 px"] * 5 and told[2::3] == ["  tiles of 1 px"] * 5
 
     @pytest.mark.parametrize("scale", [1.02, 0.98])
     def test_is_1_where_the_reference_says_otherwise(self, harness: Harness, sky: Path, scale: float) -> None:
         done = harness("study", sky, *BRIEF, "--reference", reference(sky, scale=scale), "--json")
         assert done.status == 1
         assert {item["verdict"]["outcome"] for item in done.json["strategies"]} == {"fail"}
+
+    def test_is_1_where_a_tile_fails_although_the_mean_is_right(self, harness: Harness, sky: Path) -> None:
+        patched = FULL.copy()
+        patched[4:8, 4:8] *= 1.1
+        patched[0:4, 8:12] *= 0.9
+        write_estimate("patched.exr", Estimate.exact(patched), {"harness.scene": load_scene(sky).content_hash})
+        done = harness("study", sky, *BRIEF, "-s", "mixture", "--reference", "patched.exr", "--json")
+        item, = done.json["strategies"]
+        assert done.status == 1
+        assert (item["outcome"], item["verdict"]["outcome"]) == ("fail", "pass")
+        assert item["tiles"]["coarse"]["outcome"] == item["tiles"]["fine"]["outcome"] == "fail"
+        assert "the tile at x=8, y=0" in item["tiles"]["coarse"]["reason"]
 
     def test_does_not_depend_on_strategies_that_do_not_suit(self, harness: Harness, sky: Path) -> None:
         """Lobe-only sampling of a diffuse term is biased, and said to be; nobody's render is wrong for it."""
@@ -62,7 +75,8 @@ class TestJson:
         for item in answer["strategies"]:
             assert item["spp"] == [1, 2, 4, 8]
             assert np.shape(item["rmse"]) == np.shape(item["ssim"]) == np.shape(item["mean_error"]) == (2, 4)
-            assert item["verdict"]["outcome"] == "pass"
+            assert item["outcome"] == item["verdict"]["outcome"] == "pass"
+            assert [np.shape(item["tiles"][size]["z"]) for size in ("coarse", "fine")] == [(3, 4), (12, 16)]
             assert item["cpu_seconds_per_spp"] > 0
 
     def test_names_a_strategy_once_however_often_it_was_asked_for(self, harness: Harness, sky: Path) -> None:

@@ -23,6 +23,7 @@ from harness.report.document import compose, document_json
 from harness.results import StrategyResult, StudyResult
 from harness.stats.bias import MeanErrorVerdict
 from harness.stats.convergence import Slope
+from harness.stats.findings import TileFinding
 
 BENCH = {"rows": [
     {"scene": "diffuse", "strategy": "cosine", "opponent": "path", "needed": 5.0, "tracer_rate": 12.3,
@@ -68,7 +69,7 @@ def test_the_pages_hold_every_section_figure_and_table_without_a_warning(output:
     assert [heading["text"] for heading in headings] == ["How to read this", "spheres", "furnace_convex", "Speed",
                                                          "Provenance"]
     kinds = json.loads(typst.query(main, "figure", field="kind", **settings))
-    assert kinds.count("table") == 1 + (2 + 1) + 1 + 4, "verdicts; accuracy and cost; speed; provenance"
+    assert kinds.count("table") == 1 + (3 + 2) + 1 + 4, "verdicts; accuracy, tiles and cost; speed; provenance"
     assert kinds.count("image") == 2 * 3, "images, curves, differences"
 
 
@@ -155,7 +156,7 @@ def altered(value: Any) -> Any:
     if isinstance(value, dict):
         return {**value, "a new name": "a new value"}
     if isinstance(value, tuple):
-        return (*value, "one more")
+        return tuple(map(altered, value)) if value and isinstance(value[0], float) else (*value, "one more")
     raise AssertionError(f"no other value for {type(value)}")
 
 
@@ -171,7 +172,7 @@ def variants(study: StudyResult) -> Iterator[tuple[str, StudyResult]]:
         yield name, dataclasses.replace(study, **{name: altered(getattr(study, name))})
     yield "reference", dataclasses.replace(study, reference=first.estimate)
     yield "strategies", dataclasses.replace(study, strategies=rest)
-    for name in fields(StrategyResult) - {"estimate", "verdict", "slope", "spp"}:
+    for name in fields(StrategyResult) - {"estimate", "verdict", "tiles", "slope", "spp"}:
         yield f"strategy {name}", with_strategy(dataclasses.replace(first, **{name: altered(getattr(first, name))}))
     yield "strategy spp", with_strategy(dataclasses.replace(first, spp=first.spp * 2))
     yield "strategy slope", with_strategy(dataclasses.replace(first, slope=None))
@@ -179,6 +180,11 @@ def variants(study: StudyResult) -> Iterator[tuple[str, StudyResult]]:
     for name in fields(MeanErrorVerdict):
         verdict = dataclasses.replace(first.verdict, **{name: altered(getattr(first.verdict, name))})
         yield f"verdict {name}", with_strategy(dataclasses.replace(first, verdict=verdict))
+    for name in fields(TileFinding):
+        finding = dataclasses.replace(first.tiles.fine, outcome="fail")
+        finding = dataclasses.replace(finding, **{name: altered(getattr(finding, name))})
+        yield f"finding {name}", with_strategy(
+            dataclasses.replace(first, tiles=dataclasses.replace(first.tiles, fine=finding)))
     for name in fields(Slope):
         slope = dataclasses.replace(first.slope, **{name: altered(getattr(first.slope, name))})
         yield f"slope {name}", with_strategy(dataclasses.replace(first, slope=slope))

@@ -124,12 +124,31 @@ def test_a_file_that_is_no_study_is_refused_in_one_line(saved: Path, change: dic
 
 @pytest.mark.parametrize(("name", "value"), [
     ("spp", [1, 2]), ("spp", [[1, 2, 4, 8, 16, 32, 64]]),
-    ("rmse", [[1.0]]), ("ssim", 3), ("verdict", {}), ("slope", {"slope": 1}), ("flip", "x")])
+    ("rmse", [[1.0]]), ("ssim", 3), ("verdict", {}), ("tiles", {}),
+    ("tiles", {"coarse": {"outcome": "maybe"}}), ("slope", {"slope": 1}), ("flip", "x")])
 def test_a_damaged_strategy_is_refused_in_one_line(saved: Path, name: str, value: object) -> None:
     content = json.loads((saved / "study.json").read_text())
     content["strategies"][0][name] = value
     (saved / "study.json").write_text(json.dumps(content))
     with pytest.raises(StoreError, match=r"study\.json: not a study .*; remove it"):
+        load_study(saved)
+
+
+@pytest.mark.parametrize(("name", "value"), [
+    ("outcome", "maybe"), ("z", [1.0]), ("channel", "alpha"), ("detectable", [1.0]), ("p", None), ("x", "left")])
+def test_a_damaged_finding_is_refused_in_one_line(saved: Path, name: str, value: object) -> None:
+    content = json.loads((saved / "study.json").read_text())
+    content["strategies"][0]["tiles"]["fine"][name] = value
+    (saved / "study.json").write_text(json.dumps(content))
+    with pytest.raises(StoreError, match=r"study\.json: not a study .*; remove it"):
+        load_study(saved)
+
+
+def test_a_study_without_tiles_is_of_an_earlier_format(saved: Path) -> None:
+    content = json.loads((saved / "study.json").read_text())
+    del content["strategies"][0]["tiles"]
+    (saved / "study.json").write_text(json.dumps({**content, "format": 1}))
+    with pytest.raises(StoreError, match=r"format 1 of a study, this version reads 2; remove it and run"):
         load_study(saved)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import replace
 from types import ModuleType
@@ -9,12 +10,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from harness.report.content import Remark, Table
 from harness.report.formats import NBSP
+from harness.report.sections import scene_section
 from harness.report.tables import accuracy_table, slope_mark, verdict_table
+from harness.report.tiles import tiles_table
 from harness.report.words import summary
 from harness.results import StrategyResult, StudyResult
+from harness.stats.findings import Tiles
 
 
 def with_outcomes(study: StudyResult, **outcomes: str) -> StudyResult:
@@ -37,7 +42,7 @@ def cells(table: Table, row: int) -> list[str]:
 def test_agreement_is_claimed_for_what_was_judged_only(study: StudyResult) -> None:
     found = summary([with_outcomes(study)])
     assert said(found, "pass")[0] == ("All 4 pairs of strategy and scene over 1 scene agree with the reference within "
-                                      "±0.2 % in every colour channel.")
+                                      "±0.2 % in the mean of every colour channel.")
     assert said(found, "fail") == []
     assert said(found, "warning") == ["Not judged: 1 pair whose strategy does not suit the scene (spheres with phong); "
                                       "the scene's pages say why."]
@@ -47,9 +52,10 @@ def test_failures_and_open_questions_come_first_and_by_name(study: StudyResult, 
     other = replace(with_outcomes(synthetic.study_result(unsuited=False), lobes="inconclusive"), scene="cornell")
     found = summary([with_outcomes(study, cosine="fail"), other])
     assert found[0].mark == "fail" and found[1].mark == "inconclusive" and found[2].mark == "pass"
-    assert said(found, "fail") == ["1 of 8 pairs of strategy and scene over 2 scenes differ from the reference by more "
-                                   "than ±0.2 %: spheres with cosine."]
-    assert said(found, "inconclusive")[0].endswith("are undecided at this number of samples: cornell with lobes.")
+    assert said(found, "fail") == ["1 of 8 pairs of strategy and scene over 2 scenes differ from the reference in the "
+                                   "mean by more than ±0.2 %: spheres with cosine."]
+    assert said(found, "inconclusive")[0].endswith("are undecided in the mean at this number of samples: "
+                                                  "cornell with lobes.")
     assert said(found, "pass")[0].startswith("6 of 8 pairs")
 
 
@@ -148,3 +154,71 @@ def test_the_accuracy_table_shows_every_channel(study: StudyResult) -> None:
     verdict = replace(first.verdict, error=error, low=error - 1e-4, high=error + 1e-4)
     table = accuracy_table(replace(study, strategies=(replace(first, verdict=verdict),)))
     assert cells(table, 0)[1:5] == ["+0.010 ± 0.010", "+0.020 ± 0.010", "−0.030 ± 0.010", "+0.040 ± 0.010"]
+
+
+class TestTiles:
+    """What is said of tiles: failures first and by name, and no more than was shown."""
+
+    @staticmethod
+    def with_tiles(study: StudyResult, coarse: str, fine: str, strategy: str = "mixture") -> StudyResult:
+        """The study with the outcomes of one strategy's tiles replaced; all other tiles pass."""
+        def changed(item: StrategyResult) -> StrategyResult:
+            outcomes: Any = (coarse, fine) if item.strategy == strategy else ("pass", "pass")
+            tiles = (replace(found, outcome=outcome, reason="the tile at x=4, y=2: red -3 % lies outside")
+                     for found, outcome in zip((item.tiles.coarse, item.tiles.fine), outcomes, strict=True))
+            return replace(item, tiles=Tiles(*tiles))
+        return replace(with_outcomes(study), strategies=tuple(map(changed, with_outcomes(study).strategies)))
+
+    def test_a_failure_is_named_in_the_summary_and_told_on_the_scenes_page(self, study: StudyResult) -> None:
+        failed = self.with_tiles(study, "fail", "inconclusive")
+        assert said(summary([failed]), "fail")[0].startswith(
+            "In 1 of 4 pairs some tile differs from the reference by more than its tolerance: spheres with mixture (")
+        section, _ = scene_section(failed, "x")
+        assert said(section.reasons, "fail") == [
+            "mixture, tiles of 8 px: the tile at x=4, y=2: red −3 % lies outside."]
+
+    def test_of_a_strategy_that_does_not_suit_counts_for_nothing(self, study: StudyResult) -> None:
+        failed = self.with_tiles(study, "fail", "fail", "phong")
+        assert said(summary([failed]), "fail") == []
+        assert said(scene_section(failed, "x")[0].reasons, "fail") == []
+        row = next(row for row in tiles_table(failed).rows if row[0].text == "phong")
+        assert [cell.mark for cell in row if cell.mark] == ["warning"]
+
+    def test_what_is_undecided_is_not_said_to_agree(self, study: StudyResult) -> None:
+        found = said(summary([self.with_tiles(study, "pass", "inconclusive")]), "inconclusive")
+        assert found[0].startswith("Every larger tile lies within ±1.25 % in 4 of 4 pairs, every smaller one within "
+                                   "±5 % in 3. The others are not shown to be right")
+        whole = said(summary([self.with_tiles(study, "pass", "pass")]), "pass")
+        assert any(text.startswith("Every larger tile") and "The others" not in text for text in whole)
+
+    def test_the_rate_of_false_alarms_is_that_of_all_pairs_together(self, study: StudyResult) -> None:
+        """The fixture's level is that of five strategies; four are judged."""
+        text, = (text for text in said(summary([with_outcomes(study)]), "") if text.startswith("No tile of any pair"))
+        assert "would fail in 0.801 % of such reports at most" in text
+
+    def test_the_table_tells_each_size_of_each_strategy(self, study: StudyResult) -> None:
+        table = tiles_table(self.with_tiles(study, "fail", "inconclusive"))
+        assert len(table.rows) == 10
+        larger, smaller = cells(table, 8), cells(table, 9)
+        assert larger[:3] == ["mixture", "8 px, ±1.25 %", "fail"] and smaller[:2] == ["2 px, ±5 %", "inconclusive"]
+        assert larger[-1] == "–" and smaller[-1].endswith(" ×")
+        fine = study.strategies[-1].tiles.fine
+        assert smaller[2] == f"{fine.x}, {fine.y}" and smaller[3].startswith(fine.channel)
+
+    def test_the_overview_has_the_verdicts_side_by_side(self, study: StudyResult) -> None:
+        row = verdict_table([self.with_tiles(study, "fail", "inconclusive")], ["x"]).rows[-1]
+        assert [(cell.text.replace(NBSP, " "), cell.mark) for cell in row[3:6]] == [
+            ("±0.2 %", "pass"), ("±1.25 %", "fail"), ("±5 %", "inconclusive")]
+
+    def test_maps_show_the_deviates_in_place_and_sign(self, study: StudyResult) -> None:
+        """A tile at the top right that is too bright is red there."""
+        item = study.strategies[-1]
+        z = np.zeros_like(item.tiles.fine.z)
+        z[0, -1] = item.tiles.fine.critical
+        marked = replace(item, tiles=replace(item.tiles, fine=replace(item.tiles.fine, z=z)))
+        section, assets = scene_section(replace(study, strategies=(marked,)), "x")
+        assert [row.title for row in section.differences.rows] == ["Smaller tiles (2 px): error over standard error"]
+        pixels = np.asarray(Image.open(io.BytesIO(assets["x-deviates-mixture.png"])).convert("RGB"), dtype=float)
+        assert pixels.shape == (32, 32, 3)
+        red = pixels[..., 0] - pixels[..., 2]
+        assert (red[:2, -2:] > 50).all() and abs(np.delete(red, slice(30, 32), axis=1)).max() < 5

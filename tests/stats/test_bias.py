@@ -122,6 +122,8 @@ class TestMeanErrorOutcome:
             verdict(0.0, 0.1, tolerance=-0.1)
         with pytest.raises(HarnessError, match="confidence must lie between 0 and 1"):
             mean_error_verdict(GREY, ONE, 9, GREY, ONE, 9, confidence=95)
+        with pytest.raises(HarnessError, match="error rate must lie between 0 and 1"):
+            mean_error_verdict(GREY, ONE, 9, GREY, ONE, 9, fail_level=0.0)
 
 
 class TestMeanErrorRates:
