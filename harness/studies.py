@@ -179,6 +179,7 @@ class _Replicas:
                     curve.append(_curve_point(prefix.mean, self.reference.estimate, self.scene))
                 yield batch
 
+        # For tiles as well: of uneven sizes, yet more of them and so sharper than if all were made as long as the last.
         for batch in equal_batches(measured(), self.spp):
             self.total.add(batch)
             self.tiles.add(with_luminance(batch.mean), batch.samples)

@@ -118,7 +118,7 @@ class SceneSection:
     facts: tuple[str, ...]
     remarks: tuple[Remark, ...]
     images: PictureFigure
-    differences: PictureFigure
+    differences: PictureFigure | None
     curves: CurveFigure
     accuracy: Table
     reasons: tuple[Remark, ...]

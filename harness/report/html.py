@@ -137,7 +137,7 @@ def _scene(scene: SceneSection, assets: dict[str, bytes]) -> str:
         f'<p class="facts">{facts}</p>', _remarks(scene.remarks), _pictures(scene.images, assets),
         _curves(scene.curves, assets, scene.anchor), _table(scene.accuracy), "<h3>The verdicts in words</h3>",
         _remarks(scene.reasons), _table(scene.tiles), _table(scene.cost) if scene.cost else "",
-        _pictures(scene.differences, assets)))
+        _pictures(scene.differences, assets) if scene.differences else ""))
 
 
 def _exhibits(chapter: Exhibits, assets: dict[str, bytes]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,8 +51,9 @@ def scene_section(result: StudyResult, stem: str) -> tuple[SceneSection, Assets]
     section = SceneSection(
         name=result.scene, anchor=stem, description=_paragraphs(result.description), facts=_facts(result),
         remarks=_remarks(result), images=_images(result, best_strategy(result), maps, stem, assets),
-        differences=_differences(result, maps, stem, assets), curves=_curves(result, stem, assets),
-        accuracy=accuracy_table(result), reasons=_reasons(result), tiles=tiles_table(result),
+        differences=_differences(result, maps, stem, assets) if len(result.strategies) > 1 else None,
+        curves=_curves(result, stem, assets), accuracy=accuracy_table(result), reasons=_reasons(result),
+        tiles=tiles_table(result),
         cost=cost_table(result, equal) if equal else None)
     return section, assets
 
@@ -120,7 +122,7 @@ Maps = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
 def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str, assets: Assets) -> PictureFigure:
-    """GLSL, reference, signed difference and FLIP of the least noisy strategy."""
+    """GLSL, reference, signed difference and FLIP of the least noisy strategy; of the only one also its tiles."""
     reference = result.reference.mean
     difference, perceived = maps[best.strategy]
     limit = pictures.robust_limit([difference], _FINEST_DIFFERENCE)
@@ -134,22 +136,22 @@ def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str, as
                f"per pixel) and the reference ({result.reference_kind}), both at the scene's fixed exposure and "
                f"sRGB-encoded; their signed relative difference in luminance, blue where GLSL is darker, red where it "
                f"is brighter; and the FLIP map, mean {formats.number(best.flip, 4)}. {_scale_words(reference)}")
+    tiles: tuple[Picture, ...] = ()
+    if len(result.strategies) == 1:
+        row = deviates_row(result, stem, DIFFERENCE_BAR, assets)
+        tiles = (replace(row.pictures[0], title="Smaller tiles", bar=row.bar),)
+        caption += f" {deviates_words(result)}"
     return PictureFigure(caption, (PictureRow((
         Picture(files["glsl"], f"GLSL, {best.strategy}", f"GLSL render of {result.scene}"),
         Picture(files["reference"], _reference_title(result), f"Reference render of {result.scene}"),
         Picture(files["difference"], "Relative difference", f"Signed relative difference, within ±{limit:g}",
                 _difference_bar(limit)),
-        Picture(files["flip"], "FLIP", f"FLIP map from 0 to {flip_limit:g}", _flip_bar(flip_limit)))),))
+        Picture(files["flip"], "FLIP", f"FLIP map from 0 to {flip_limit:g}", _flip_bar(flip_limit)),
+        *tiles)),))
 
 
 def _differences(result: StudyResult, maps: Maps, stem: str, assets: Assets) -> PictureFigure:
-    """Signed difference, FLIP and deviates of tiles of every strategy, on scales that they share.
-
-    Of a single strategy only the last: the others stand above already.
-    """
-    deviates = deviates_row(result, stem, DIFFERENCE_BAR, assets)
-    if len(result.strategies) == 1:
-        return PictureFigure(f"{result.scene}: the replicas merged. {deviates_words(result)}", (deviates,))
+    """Signed difference, FLIP and deviates of tiles of every strategy, on scales that they share."""
     suited = [maps[s.strategy] for s in result.strategies if s.suits] or list(maps.values())
     limit = pictures.robust_limit([difference for difference, _ in suited], _FINEST_DIFFERENCE)
     flip_limit = min(pictures.robust_limit([perceived for _, perceived in suited], _FINEST_FLIP), 1.0)
@@ -170,7 +172,8 @@ def _differences(result: StudyResult, maps: Maps, stem: str, assets: Assets) -> 
                f"{_scale_words(result.reference.mean)} {deviates_words(result)}")
     return PictureFigure(caption, (
         PictureRow(tuple(signed), "Signed relative difference", _difference_bar(limit)),
-        PictureRow(tuple(noticed), "FLIP", _flip_bar(flip_limit)), deviates))
+        PictureRow(tuple(noticed), "FLIP", _flip_bar(flip_limit)),
+        deviates_row(result, stem, DIFFERENCE_BAR, assets)))
 
 
 def _scale_words(image: np.ndarray) -> str:

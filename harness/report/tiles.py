@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.report import formats, pictures
-from harness.report.content import SYMBOLS, Bar, Cell, Column, Mark, Picture, PictureRow, Remark, Swatch, Table
-from harness.report.style import strategy_style
+from harness.report.content import SYMBOLS, Bar, Cell, Column, Mark, Picture, PictureRow, Remark, Table
 from harness.report.tables import strategy_cell
 from harness.results import StrategyResult, StudyResult
 from harness.stats.findings import TileFinding
@@ -42,14 +41,13 @@ def tiles_table(result: StudyResult) -> Table:
     first = result.strategies[0].tiles.fine
     interval = f"{100 * (1 - first.pass_level):g}{formats.NBSP}%"
     caption = (
-        "Tiles, by their side and the tolerance of one, each held against its own mean in the reference. Furthest off: "
-        "the tile with the largest error over its standard error, by its first pixel (x, y), with its error and "
-        f"{interval} interval in the channel where that is largest. z: that ratio as a normal deviate, of which chance "
-        f"exceeds the bound beside it in any tile with probability {formats.significant(first.fail_level, 2)}. p: the "
-        "probability with which chance lets any tile exceed the tolerance as clearly as one does; below the same "
-        "number a size of tiles fails. Sure to show: the bias that would have made the median tile, and the least "
-        f"sharp one, fail with 95{formats.NBSP}% probability. To decide: how many times these samples, of both sides, "
-        "an unbiased render would take to pass.")
+        "Tiles, by their side and the tolerance of one, each against its own mean in the reference. Furthest off: the "
+        f"tile with the largest error over its standard error, by its first pixel (x, y); its error with {interval} "
+        "interval in that channel. z: that ratio as a normal deviate; chance exceeds the bound beside it in any tile "
+        f"with probability {formats.significant(first.fail_level, 2)}. p: that with which chance lets any tile exceed "
+        "the tolerance as clearly as one does; below the same number they fail. Sure to show: the bias that was found "
+        f"with 95{formats.NBSP}% probability, in the median tile and in the least sharp. To decide: how many times the "
+        "samples, of both sides, let an unbiased render pass.")
     columns = (Column("Strategy"), Column("Tiles"), Column("Verdict"), Column("Furthest\noff"),
                Column("Error there", share=1), Column("z", "right"), Column("p", "right"),
                Column("Sure to\nshow", "right"), Column("To\ndecide", "right"))
@@ -57,18 +55,14 @@ def tiles_table(result: StudyResult) -> Table:
 
 
 def deviates_row(result: StudyResult, stem: str, bar: str, assets: Assets) -> PictureRow:
-    """Maps of the smaller tiles' deviates, one a strategy, between the bounds of what chance shows; `bar`: its file."""
+    """Maps of the smaller tiles' deviates, one a strategy, on the colours of the `bar`, to the bounds of chance."""
     height, width = result.reference.mean.shape[:2]
     limit = max(strategy.tiles.fine.critical for strategy in result.strategies)
     maps = []
     for strategy in result.strategies:
-        name, found = strategy.strategy, strategy.tiles.fine
-        file = f"{stem}-deviates-{name}.png"
+        found, file = strategy.tiles.fine, f"{stem}-deviates-{strategy.strategy}.png"
         assets[file] = pictures.difference_png(pictures.tile_pixels(found.z, found.tile, height, width), limit)
-        style = strategy_style(name)
-        swatch = Swatch(style.glyph, style.colour) if len(result.strategies) == 1 else None
-        maps.append(Picture(file, name if swatch else "", f"Deviates of the smaller tiles of {name}, within "
-                            f"±{limit:.2g}", swatch=swatch))
+        maps.append(Picture(file, "", f"Deviates of the smaller tiles of {strategy.strategy}, within ±{limit:.2g}"))
     labels = (f"{formats.MINUS}{limit:.2g}", "0", f"+{limit:.2g}")
     return PictureRow(tuple(maps), f"Smaller tiles ({result.strategies[0].tiles.fine.tile} px): error over standard "
                       "error", Bar(bar, labels))
@@ -76,10 +70,9 @@ def deviates_row(result: StudyResult, stem: str, bar: str, assets: Assets) -> Pi
 
 def deviates_words(result: StudyResult) -> str:
     """How to look at the maps of deviates."""
-    return ("Tiles: each smaller tile's error over its standard error, in the channel where that is largest. Speckle "
-            f"is noise; chance paints a tile in full colour, beyond the bar's ends, in one map of "
-            f"{formats.count(round(1 / result.strategies[0].tiles.fine.fail_level, -2))}; colour in the shape of an "
-            "object is bias.")
+    return ("Tiles: the error of each over its standard error, in the channel where that is largest; chance paints one "
+            "in full colour, beyond the bar's ends, in one map of "
+            f"{formats.count(round(1 / result.strategies[0].tiles.fine.fail_level, -2))}.")
 
 
 def failures(strategy: StrategyResult) -> tuple[Remark, ...]:

@@ -80,5 +80,6 @@ def test_the_least_noisy_suitable_strategy_is_pictured(study: StudyResult) -> No
 def test_the_maps_of_all_strategies_share_scales_that_the_unsuitable_do_not_stretch(study: StudyResult) -> None:
     with_phong, _ = scene_section(study, "x")
     without, _ = scene_section(replace(study, strategies=tuple(s for s in study.strategies if s.suits)), "x")
+    assert with_phong.differences is not None and without.differences is not None
     assert [row.bar for row in with_phong.differences.rows] == [row.bar for row in without.differences.rows]
     assert [len(row.pictures) for row in with_phong.differences.rows] == [5, 5, 5]
