@@ -65,7 +65,7 @@ def test_the_chapter_is_set_without_a_warning(study: StudyResult, tmp_path: Path
     assert at < headings.index("Provenance")
     kinds = json.loads(typst.query(main, "figure", field="kind", **settings))
     assert kinds.count("image") == 3 + 2 + 1, "the scene's; pictures and curves; maps"
-    assert kinds.count("table") == (1 + 2 + 3) + 1 + 3, "without the chapter; overview; findings"
+    assert kinds.count("table") == (1 + 3 + 3) + 1 + 3, "without the chapter; overview; findings"
 
 
 def test_the_page_holds_every_word(study: StudyResult) -> None:
