@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,7 +30,7 @@ def tiles_table(result: StudyResult) -> Table:
     for strategy in result.strategies:
         rules.append(len(rows))
         for index, found in enumerate((strategy.tiles.coarse, strategy.tiles.fine)):
-            head = (Cell(**{**vars(strategy_cell(strategy)), "rows": 2}),) if index == 0 else ()
+            head = (replace(strategy_cell(strategy), rows=2),) if index == 0 else ()
             mark: Mark = found.outcome if strategy.suits else "warning"
             rows.append((
                 *head, Cell(f"{found.tile}{formats.NBSP}px, {formats.tolerance(found.tolerance)}"),
@@ -106,10 +107,12 @@ def tiles_summary(judged: Sequence[Pair], names: str, failed: Sequence[Pair]) ->
     hidden = float(np.median([found.detectable[0] for found in smaller]))
     more = "" if mark == "pass" else (" The others are not shown to be right in every part: their pages say how many "
                                       "samples that would take.")
+    sharp = "" if not np.isfinite(hidden) else (
+        f" In half of the pairs a bias of {formats.percent(hidden)} in a smaller tile of median noise would have been "
+        f"found with 95{formats.NBSP}% probability.")
     remarks.append(Remark(
         f"Every larger tile lies within {bounds[0]} in {passed[0]} of {count}, every smaller one within {bounds[1]} "
-        f"in {passed[1]}.{more} In half of the pairs a bias of {formats.percent(hidden)} in a smaller tile of median "
-        f"noise would have been found with 95{formats.NBSP}% probability.", mark))
+        f"in {passed[1]}.{more}{sharp}", mark))
     return remarks
 
 
