@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,9 +47,13 @@ def pytest_configure(config: pytest.Config) -> None:
     given = config.getoption("--harness-generate-summary")
     if unknown := [kind for kind in _kinds(given) if kind not in KINDS]:
         raise pytest.UsageError(f"--harness-generate-summary: unknown kind '{unknown[0]}'; choose from html, json")
-    for path in _of_command_line(config):
-        if not path.is_file():
-            raise pytest.UsageError(f"--harness-gates: no such file: {path}")
+    ours, theirs = _of_command_line(config), _of_ini_file(config)
+    for option, paths in (("--harness-gates", ours), (f"{config.inipath}: harness_gates", theirs)):
+        if missing := [path for path in paths if not path.is_file()]:  # a typing slip must not leave gates out silently
+            raise pytest.UsageError(f"{option}: no such file: {missing[0]}")
+    # Those of the ini file are to run wherever all of the repository's tests do, whether or not testpaths names them.
+    everything = config.args_source is pytest.Config.ArgsSource.TESTPATHS
+    for path in (*ours, *(theirs if everything else ())):
         roots = [(config.invocation_params.dir / argument.partition("::")[0]).resolve() for argument in config.args]
         if not any(path.is_relative_to(root) for root in roots):
             config.args.append(str(path))
@@ -57,7 +62,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """Collect the gates files that were named, and only those."""
-    if file_path.suffix != ".toml" or file_path.resolve() not in _gates_files(parent.config):
+    if file_path.resolve() not in _gates_files(parent.config):
         return None
     return GatesCollector.from_parent(parent, path=file_path)
 
@@ -77,26 +82,45 @@ class GatesCollector(pytest.File):
         except HarnessError as error:
             raise self.CollectError(str(error)) from None
         for gate in gates:
-            yield GateItem.from_parent(self, name=gate.name, gate=gate)
+            yield GateItem.from_parent(self, name=gate.name, gate=gate, label=self._label(gate.name))
+
+    def _label(self, name: str) -> str:
+        """What a gate is called in the run, and its folder: with its file before it where there are several."""
+        if len(_gates_files(self.config)) == 1:
+            return name
+        path, root = self.path.resolve(), self.config.rootpath.resolve()
+        shown = path.relative_to(root if path.is_relative_to(root) else path.anchor)
+        return f"{shown.as_posix()}/{name}"
 
 
 class GateItem(pytest.Item):
-    """One gate. It passes when its verdict does; its artefacts lie in a folder of its name."""
+    """One gate. It passes when its verdict does; its artefacts lie in a folder of its label."""
 
-    def __init__(self, *, gate: Gate, **options: Any) -> None:
+    def __init__(self, *, gate: Gate, label: str, **options: Any) -> None:
         super().__init__(**options)
-        self.gate = gate
+        self.gate, self.label = gate, label
 
     def runtest(self) -> None:
-        from harness.gates import run_gate
-        from harness.gates.artefacts import as_json, save_result
+        from harness.files import require_writable
+        from harness.gates import artefacts, run_gate
 
-        result = run_gate(self.gate, self.config.stash[_REFERENCES])
-        folder = results_folder(self.config) / self.gate.name
-        save_result(result, folder, pictures=result.outcome != "pass")
-        self.user_properties.append((PROPERTY, json.dumps(as_json(result))))
+        folder = results_folder(self.config) / self.label
+        artefacts.clear(folder)
+        try:
+            require_writable(folder / artefacts.RESULT_FILE)
+            result = run_gate(self.gate, self.config.stash[_REFERENCES])
+            artefacts.save_result(result, folder, pictures=result.outcome != "pass")
+        except HarnessError as error:
+            with suppress(OSError):
+                folder.rmdir()
+            self._tell(artefacts.error_json(self.gate, error))
+            raise
+        self._tell(artefacts.as_json(result))
         if result.outcome != "pass":
             raise GateFailure(result, folder)
+
+    def _tell(self, found: dict[str, Any]) -> None:
+        self.user_properties.append((PROPERTY, json.dumps({**found, "gate": self.label})))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """What went wrong, without a traceback unless it is a bug of the harness."""
@@ -105,7 +129,7 @@ class GateItem(pytest.Item):
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        return self.path, int(self.gate.origin.rpartition(":")[2]) - 1, f"gate: {self.gate.name}"
+        return self.path, int(self.gate.origin.rpartition(":")[2]) - 1, f"gate: {self.label}"
 
 
 class GateFailure(Exception):
@@ -132,6 +156,7 @@ class _Summary:
         self.config = config
         self.results: list[dict[str, Any]] = []
         self.written: list[Path] = []
+        self.trouble = ""  # what kept the summary from being written
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.when != "call":
@@ -143,7 +168,7 @@ class _Summary:
             self.results.append({"gate": report.location[2].removeprefix("gate: "), "outcome": "error",
                                  "reason": report.longreprtext})
 
-    def pytest_sessionfinish(self) -> None:
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
         if hasattr(self.config, "workerinput") or not self.results:  # a worker's results are the controller's too
             return
         from harness.gates.summary import write_summary
@@ -151,7 +176,11 @@ class _Summary:
         kinds = _kinds(self.config.getoption("--harness-generate-summary"))
         if not kinds and any(result["outcome"] != "pass" for result in self.results):
             kinds = ("html",)
-        self.written = write_summary(self.results, results_folder(self.config), kinds)
+        try:
+            self.written = write_summary(self.results, results_folder(self.config), kinds)
+        except HarnessError as error:
+            self.trouble = str(error)
+            session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         if self.results:
@@ -161,6 +190,8 @@ class _Summary:
                 sorted(outcomes))))
             for path in self.written:
                 terminalreporter.write_line(f"summary: {path}")
+            if self.trouble:
+                terminalreporter.write_line(f"no summary: {self.trouble}", red=True)
 
 
 def results_folder(config: pytest.Config) -> Path:
@@ -171,7 +202,11 @@ def results_folder(config: pytest.Config) -> Path:
 
 
 def _gates_files(config: pytest.Config) -> set[Path]:
-    return {path.resolve() for path in (*config.getini("harness_gates"), *_of_command_line(config))}
+    return {path.resolve() for path in (*_of_ini_file(config), *_of_command_line(config))}
+
+
+def _of_ini_file(config: pytest.Config) -> list[Path]:
+    return [path.resolve() for path in config.getini("harness_gates")]
 
 
 def _of_command_line(config: pytest.Config) -> list[Path]:

@@ -8,14 +8,16 @@ import re
 import shlex
 import shutil
 from pathlib import Path
+from urllib.parse import quote, unquote
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from harness.errors import HarnessError
 from harness.exr import read_estimate
 from harness.gates import Gate, GateResult, load_gates, run_gate
-from harness.gates.artefacts import IMAGES, PICTURES, RESULT_FILE, as_json, command, save_result
+from harness.gates.artefacts import IMAGES, PICTURES, RESULT_FILE, as_json, command, error_json, save_result
 from harness.gates.summary import counted, percent, write_summary
 from tests.gates_support import Noise, one_gate
 
@@ -116,6 +118,7 @@ class TestSummary:
         assert "<sky>" not in text
         assert "Nothing can go wrong." in text
         assert "--only sky" in text
+        assert "None" not in text
         assert [item["gate"] for item in json.loads(numbers.read_text(encoding="utf-8"))["gates"]] == [
             "sky", "odd", "right"]
 
@@ -125,11 +128,35 @@ class TestSummary:
         assert shown == [f"sky/{name}" for name in PICTURES]
         assert all((folder.parent / name).is_file() for name in shown)
 
+    def test_takes_folders_of_any_name(self, failed: GateResult, folder: Path, tmp_path: Path) -> None:
+        """Several gates files: each gate's folder lies below one of its file's name."""
+        label = "bär ne/gates.toml/sky"
+        shutil.copytree(folder, tmp_path / label)
+        page, = write_summary([{**as_json(failed), "gate": label}], tmp_path, ["html"])
+        text = page.read_text(encoding="utf-8")
+        shown = re.findall(r'src="([^"]+)"', text)
+        assert len(shown) == len(PICTURES)
+        assert all((tmp_path / unquote(name)).is_file() and " " not in name for name in shown)
+        assert f'id="{label}"' in text and f'href="#{quote(label)}"' in text
+
+    def test_of_an_error_shows_reason_and_command(self, gate: Gate, tmp_path: Path) -> None:
+        told = error_json(gate, HarnessError("own.frag:2: odd"))
+        text = write_summary([told], tmp_path, ["html"])[0].read_text(encoding="utf-8")
+        assert "own.frag:2: odd" in text and "--only sky" in text and "<img" not in text
+
+    def test_leaves_no_page_of_an_earlier_run(self, passed: GateResult, tmp_path: Path) -> None:
+        write_summary([as_json(passed)], tmp_path)
+        write_summary([as_json(passed)], tmp_path, ["json"])
+        assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
+        write_summary([as_json(passed)], tmp_path, [])
+        assert not list(tmp_path.iterdir())
+
     def test_counts_in_words(self) -> None:
         assert counted([{"outcome": "pass"}, {"outcome": "fail"}, {"outcome": "pass"}]) == "1 fail, 2 pass"
         assert counted([]) == "none"
 
     @pytest.mark.parametrize(("value", "signed", "text"), [
-        (0.00123, True, "+0.123 %"), (-0.00123, False, "-0.123 %"), (None, True, "∞")])
+        (0.00123, True, "+0.123 %"), (-0.00123, False, "-0.123 %"), (None, True, "∞"),
+        (float("nan"), True, "∞")])
     def test_of_a_share(self, value: float | None, signed: bool, text: str) -> None:
         assert percent(value, signed=signed) == text

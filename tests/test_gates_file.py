@@ -222,3 +222,10 @@ def test_the_default_suite_is_right(tmp_path: Path) -> None:
 
 def test_the_example_of_the_tests_is_right(tmp_path: Path) -> None:
     assert one_gate(tmp_path, GATES).name == "sky"
+
+
+def test_a_byte_order_mark_and_windows_lines_are_taken(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    path.write_bytes(b"\xef\xbb\xbf" + GATES.replace("\n", "\r\n").encode())
+    gate, = load_gates(path).gates
+    assert gate.origin == f"{path}:8"

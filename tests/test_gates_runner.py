@@ -13,7 +13,8 @@ from harness.estimate import Batch, Estimate, merge, with_luminance
 from harness.exr import write_estimate
 from harness.files import data_dir
 from harness.gates import Gate, References, run_gate
-from harness.gates.runner import check_gate, gate_source
+from harness.gates.runner import check_gate
+from harness.gates.shaders import gate_source
 from harness.reference.renderer import ReferenceRenderer
 from harness.runs import Run, tiles_of
 from harness.stats.tiles import TileAccumulator
@@ -209,11 +210,40 @@ class TestShader:
         assert "lib/path.glsl" in names
 
     def test_files_in_a_folder_stand_in_for_those_of_the_same_name(self, gate: Gate, tmp_path: Path) -> None:
-        (tmp_path / "own" / "lib").mkdir(parents=True)
-        (tmp_path / "own" / "lib" / "path.glsl").write_text("// mine\n")
+        """Whatever else lies there, and with the byte-order mark of editors on Windows left out."""
+        own = own_file(tmp_path, "lib/path.glsl", "\ufeff// mine\n".encode())
         (tmp_path / "own" / "notes.txt").write_bytes(b"\xff")
+        (tmp_path / "own" / "lib" / "._path.glsl").write_bytes(b"\xff")  # macOS leaves such beside files on a stick
         source = gate_source(dataclasses.replace(gate, glsl=tmp_path / "own"), check_gate(gate))
-        assert ("lib/path.glsl", "// mine\n") in source.files
+        assert (str(own), "// mine\n") in source.files
+
+    def test_files_of_our_own_that_the_scene_does_not_need_may_be_there(self, gate: Gate, tmp_path: Path) -> None:
+        own_file(tmp_path, "lib/displaced.glsl", b"// mine\n")
+        source = gate_source(dataclasses.replace(gate, glsl=tmp_path / "own"), check_gate(gate))
+        assert "// mine\n" not in dict(source.files).values()
+
+    @pytest.mark.parametrize(("name", "message"), [
+        ("phong.glsl", "'{own}/phong.glsl' stands in for nothing and nothing includes it; to stand in for the "
+                       "harness's lib/phong.glsl it must be '{own}/lib/phong.glsl'"),
+        ("lib/fong.glsl", "'{own}/lib/fong.glsl' stands in for nothing and nothing includes it; give it the name of a "
+                          "file of the harness's glsl folder, include it, or take it away"),
+        ("lib/phong.glsl.txt", "the folder '{own}' holds no .glsl and no .frag file; put lib/phong.glsl, for example, "
+                               "into it"),
+        ("scene.glsl", "'{own}/scene.glsl' cannot stand in for scene.glsl, which is written from the scene; give it "
+                       "another name, or take it away")])
+    def test_one_that_would_not_be_tested_is_refused(
+        self, gate: Gate, tmp_path: Path, name: str, message: str,
+    ) -> None:
+        """Or the gate would pass with the harness's own in its place."""
+        own_file(tmp_path, name, b"// mine\n")
+        with pytest.raises(HarnessError) as caught:
+            gate_source(dataclasses.replace(gate, glsl=tmp_path / "own"), check_gate(gate))
+        assert str(caught.value) == f"{gate.origin}: gate 'sky': {message.format(own=tmp_path / 'own')}"
+
+    def test_two_for_one_place_are_refused(self, gate: Gate, tmp_path: Path) -> None:
+        main = own_file(tmp_path, "path_tracer.frag", b"// mine\n")
+        with pytest.raises(HarnessError, match=r"both stand in for path_tracer\.frag; take one away"):
+            gate_source(dataclasses.replace(gate, glsl=tmp_path / "own", shader=main), check_gate(gate))
 
     def test_a_whole_shader_is_rendered(self, gate: Gate, tmp_path: Path) -> None:
         """A shader that shows half of a right radiance: a fail of -50 %, and one that is right passes."""
@@ -229,15 +259,74 @@ class TestShader:
             assert result.outcome == outcome
         assert run_gate(gate).outcome == "pass"
 
-    def test_one_that_does_not_compile_names_its_line(self, gate: Gate, tmp_path: Path) -> None:
-        (tmp_path / "own.frag").write_text("void main()\n{ undeclared = 1; }\n")
-        with pytest.raises(ShaderError, match=r"own\.frag:2"):
+    @pytest.mark.parametrize(("text", "message"), [
+        (b"void main()\n{ undeclared = 1; }\n", ":2: "),
+        (b"// fine\n// B\xfcro\n", ":2: not UTF-8 text; save the file in the encoding UTF-8"),
+        (b" \n", ":1: the file is empty; all functions of the file that it stands in for must be in it"),
+        (b"// mine\n#version 330\n", ":2: '#version 330'; the harness begins the shader with"),
+        (b"\n#include \"lib/fong.glsl\"\n", ":2: no such shader file \"lib/fong.glsl\""),
+        (b"\n\n#error mine\n", ":3: #error mine; in the line `#error mine`")])
+    def test_one_that_is_no_shader_is_refused_with_its_path_and_line(
+        self, gate: Gate, tmp_path: Path, text: bytes, message: str,
+    ) -> None:
+        (tmp_path / "own.frag").write_bytes(text)
+        with pytest.raises(ShaderError) as caught:
             run_gate(dataclasses.replace(gate, shader=tmp_path / "own.frag"))
+        assert str(caught.value).startswith(f"{tmp_path / 'own.frag'}{message}")
 
-    def test_one_that_is_no_text_is_refused(self, gate: Gate, tmp_path: Path) -> None:
-        (tmp_path / "own.frag").write_bytes(b"\xff")
-        with pytest.raises(HarnessError, match="gate 'sky': the shader cannot be read"):
-            run_gate(dataclasses.replace(gate, shader=tmp_path / "own.frag"))
+
+class TestContract:
+    """Shaders that do not do what the ping-pong contract asks: a fail that says what they do instead."""
+
+    @pytest.mark.parametrize(("sum_", "told"), [
+        ("vec4(0.5, 0.5, 0.5, 1.0)", "24000 of 25600 samples were not finite, or not counted in alpha; to"),
+        ("before + vec4(0.5, 0.5, 0.5, 0.0) * k", "25600 of 25600 samples were not finite, or not counted"),
+        ("before + vec4(0.5, 0.5, 0.5, 2.0) * k", "25600 of 25600 samples were not finite, or not counted"),
+        ("before + vec4(1e30, 0.0, 0.0, 1e-30) * k", "25600 of 25600 samples were not finite, or not counted"),
+        ("before + vec4(0.5, 0.5, 0.5 / (before.a - before.a), 1.0) * k", "25600 of 25600 samples were not finite")])
+    def test_alpha_is_the_number_of_samples(self, gate: Gate, tmp_path: Path, sum_: str, told: str) -> None:
+        gate = dataclasses.replace(gate, spp=16, shader=own_shader(tmp_path, f"sum = {sum_};"), replicas=64)
+        small = dataclasses.replace(gate, size=(10, 10))
+        result = run_gate(small)
+        assert result.outcome == "fail"
+        assert result.reason.startswith(told)
+        assert np.isfinite(result.test.mean).all()
+
+    def test_replicas_differ(self, gate: Gate, tmp_path: Path) -> None:
+        """A seed without the replica looks like noiseless samples: their error would be taken for a bias."""
+        for seed, told in (
+            ("first_sample", "all replicas are one image, which is not without noise: the seed leaves out `replica`"),
+            ("0u", "; all batches are one image: without noise, or from a seed without `first_sample` and `replica`"),
+            ("first_sample + 977u * replica", "")):
+            noise = f"vec3(fract(float(pixel * 2654435761u ^ ({seed}) * 40503u) * 2.3283e-10))"
+            shader = own_shader(tmp_path, "uint pixel = uint(gl_FragCoord.x) + 40u * uint(gl_FragCoord.y);"
+                                          f"sum = before + vec4(0.502 + 0.1 * ({noise} - 0.5), 1.0) * k;")
+            result = run_gate(dataclasses.replace(gate, shader=shader, size=(10, 10)))
+            assert result.outcome == "fail"
+            assert told in result.reason
+            assert ("one image" in result.reason) == bool(told)
+
+
+def own_file(folder: Path, name: str, content: bytes) -> Path:
+    """A file in the folder `own`."""
+    path = folder / "own" / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    return path
+
+
+def own_shader(folder: Path, body: str) -> Path:
+    """A whole shader: `before` is what was there, `k` the number of samples to add, `sum` the result."""
+    path = folder / "own.frag"
+    path.write_text("""uniform sampler2D pingpong0; uniform int numpass; uniform int samples_per_pass;
+        uniform uint first_sample; uniform uint replica;
+        layout(location = 0) out vec4 sum;
+        void main() {
+            vec4 before = numpass > 0 ? texelFetch(pingpong0, ivec2(gl_FragCoord.xy), 0) : vec4(0.0);
+            float k = float(samples_per_pass);
+            BODY
+        }""".replace("BODY", body))
+    return path
 
 
 def test_a_strategy_that_does_not_suit_the_scene_is_refused(gate: Gate) -> None:

@@ -79,6 +79,41 @@ class TestCollection:
         assert "Traceback" not in result.stdout.str()
 
 
+    def test_is_of_the_ini_files_gates_besides_testpaths(self, pytester: pytest.Pytester, repository: Path) -> None:
+        """All tests means the gates too; one folder of them does not."""
+        pytester.makeini(INI + "testpaths = unit\n")
+        (repository / "unit").mkdir()
+        (repository / "test_is_of_the_ini_files_gates_besides_testpaths.py").rename(repository / "unit" / "test_own.py")
+        pytester.runpytest().assert_outcomes(passed=2)
+        pytester.runpytest("unit").assert_outcomes(passed=1)
+
+    def test_takes_a_gates_file_of_any_suffix(self, pytester: pytest.Pytester, repository: Path) -> None:
+        (repository / "gates.toml").rename(repository / "gates.txt")
+        pytester.makeini("[pytest]\n")
+        pytester.runpytest("--harness-gates=gates.txt").assert_outcomes(passed=2)
+
+    def test_of_a_file_that_is_missing_is_refused(self, pytester: pytest.Pytester, repository: Path) -> None:
+        """Or a typing slip would leave all gates out, and the run would be green."""
+        pytester.makeini("[pytest]\nharness_gates = gats.toml\n")
+        result = pytester.runpytest()
+        assert result.ret == pytest.ExitCode.USAGE_ERROR
+        result.stderr.fnmatch_lines([f"ERROR: *tox.ini: harness_gates: no such file: {repository / 'gats.toml'}"])
+
+    def test_keeps_gates_of_several_files_apart(self, pytester: pytest.Pytester, repository: Path) -> None:
+        """Two students whose gates have the same names."""
+        (repository / "bär ne").mkdir()
+        write(repository / "bär ne", WRONG)
+        pytester.makeini('[pytest]\nharness_gates = gates.toml "bär ne/gates.toml"\n')
+        result = pytester.runpytest("--harness-generate-summary=json")
+        result.assert_outcomes(passed=3, failed=1)
+        result.stdout.fnmatch_lines(["run again: harness gate 'bär ne/gates.toml' --only wrong"])
+        results = repository / "harness-results"
+        gates = json.loads((results / "summary.json").read_text())["gates"]
+        assert sorted(gate["gate"] for gate in gates) == [
+            "bär ne/gates.toml/sky", "bär ne/gates.toml/wrong", "gates.toml/sky"]
+        assert all((results / gate["gate"] / "result.json").is_file() for gate in gates)
+
+
 class TestFailure:
     """What a gate that does not pass says and leaves."""
 
@@ -110,6 +145,27 @@ class TestFailure:
         gate, = json.loads((repository / "harness-results" / "summary.json").read_text())["gates"]
         assert (gate["gate"], gate["outcome"]) == ("sky", "error")
         assert gate["reason"].startswith("sky.xml:1: ")
+        assert gate["command"] == "harness gate gates.toml --only sky"
+
+    def test_of_what_cannot_run_leaves_nothing_of_an_earlier_run(
+        self, pytester: pytest.Pytester, repository: Path,
+    ) -> None:
+        pytester.runpytest()
+        assert (repository / "harness-results" / "sky").is_dir()
+        (repository / "sky.xml").write_text("<scene version='3.0.0'>\n</scene>\n")
+        pytester.runpytest()
+        assert [path.name for path in (repository / "harness-results").iterdir()] == ["summary.html"]
+
+    def test_to_write_is_told_in_one_line(self, pytester: pytest.Pytester, repository: Path) -> None:
+        (repository / "taken").touch()
+        result = pytester.runpytest("--harness-results-path=taken/results")
+        result.assert_outcomes(passed=1, failed=1)
+        result.stdout.fnmatch_lines(["*/taken/results/sky/result.json: cannot be written, *", "no summary: *"])
+        (repository / "full" / "summary.html").mkdir(parents=True)
+        result = pytester.runpytest("--harness-results-path=full", "--harness-generate-summary=html")
+        assert result.ret == pytest.ExitCode.TESTS_FAILED
+        result.stdout.fnmatch_lines(["no summary: *summary.html: cannot be written, it is a folder; name a file"])
+        assert "INTERNALERROR" not in result.stdout.str()
 
 
 class TestOptions:

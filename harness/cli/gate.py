@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from harness.cli.options import CacheOption, open_store
 from harness.cli.output import JsonOption, print_json, print_rich, progress
+from harness.errors import HarnessError, MachineError
+
+if TYPE_CHECKING:
+    from harness.gates import Gate, References
 
 
 def gate(
@@ -24,13 +28,13 @@ def gate(
 
     The reference is kept in the cache; what is under test is rendered each time. Gates that do not pass leave images,
     maps, curve and numbers in a folder of their name. Exit status 0 when all pass, 1 when one fails or its samples do
-    not decide.
+    not decide, 2 when one could not be run; the others are run all the same.
 
     Example: `harness gate --only spheres-mixture`
     """
     from harness import gates
     from harness.files import require_writable
-    from harness.gates import artefacts, runner, summary
+    from harness.gates import runner, summary
 
     family = gates.load_gates(file)
     chosen = family.select(only or [])
@@ -42,17 +46,33 @@ def gate(
     try:
         with progress(len(chosen), file.name) as advance:
             for item in chosen:
-                result = gates.run_gate(item, references, progress=progress)
-                artefacts.save_result(result, output / item.name, pictures=result.outcome != "pass")
-                found.append(artefacts.as_json(result))
+                found.append(_run(item, references, output))
                 advance(1)
-    finally:  # also of what was done before a gate turned out to be impossible, or before Ctrl-C
+    finally:  # also of what was done before Ctrl-C
         pages = summary.write_summary(found, output)
     if json:
         print_json({"file": file, "false_alarms": family.false_alarms, "summary": pages, "gates": found})
     else:
         _print(found, output)
+    if errors := [item["reason"] for item in found if item["outcome"] == "error"]:
+        others = f" (and {len(errors) - 1} more; see {output / summary.HTML})" if errors[1:] else ""
+        raise HarnessError(errors[0] + others)
     return 0 if all(item["outcome"] == "pass" for item in found) else 1
+
+
+def _run(gate: Gate, references: References, output: Path) -> dict[str, Any]:
+    """Run one gate and save what it leaves; what keeps this one from running is no reason not to run the others."""
+    from harness.gates import artefacts, run_gate
+
+    try:
+        result = run_gate(gate, references, progress=progress)
+    except MachineError:
+        raise
+    except HarnessError as error:
+        artefacts.clear(output / gate.name)
+        return artefacts.error_json(gate, error)
+    artefacts.save_result(result, output / gate.name, pictures=result.outcome != "pass")
+    return artefacts.as_json(result)
 
 
 def _print(found: list[dict[str, Any]], output: Path) -> None:
@@ -64,6 +84,9 @@ def _print(found: list[dict[str, Any]], output: Path) -> None:
     for heading in ("gate", "outcome", "mean error", "interval", "tolerance", "spp", "of", "s"):
         table.add_column(heading, justify="left" if heading in ("gate", "outcome") else "right")
     for item in found:
+        if item["outcome"] == "error":
+            table.add_row(item["gate"], "error")
+            continue
         table.add_row(item["gate"], item["outcome"], percent(item["error"][3], signed=True),
                       f"{percent(item['low'][3], signed=True)} to {percent(item['high'][3], signed=True)}",
                       f"±{percent(item['tests']['mean']['tolerance'])}", str(item["samples"]), str(item["budget"]),
@@ -71,6 +94,6 @@ def _print(found: list[dict[str, Any]], output: Path) -> None:
     print_rich(table)
     for item in found:
         if item["outcome"] != "pass":
-            print(f"{item['gate']}: {item['outcome']}: {item['reason']}; see {output / item['gate']}; "
-                  f"{item['command']}")
+            left = f"see {output / item['gate']}; " if item["outcome"] != "error" else ""
+            print(f"{item['gate']}: {item['outcome']}: {item['reason']}; {left}{item['command']}")
     print(f"{counted(found)}; {output / HTML}")

@@ -75,12 +75,16 @@ def command(gate: Gate) -> str:
     return f"harness gate {shlex.quote(file)} --only {gate.name}"
 
 
+def error_json(gate: Gate, error: Exception) -> dict[str, Any]:
+    """What `as_json` has, as far as there is any, of a gate that could not be run."""
+    return {"gate": gate.name, "outcome": "error", "reason": str(error), **_facts(gate)}
+
+
 def as_json(result: GateResult) -> dict[str, Any]:
     """The result as JSON types; NaN and infinity are None."""
     gate, verdict = result.gate, result.verdict
     return {
-        "gate": gate.name, "outcome": result.outcome, "reason": result.reason, "why": gate.reason,
-        "scene": gate.scene.stem, "strategy": gate.strategy, "origin": gate.origin, "command": command(gate),
+        "gate": gate.name, "outcome": result.outcome, "reason": result.reason, **_facts(gate),
         "error": _numbers(verdict.mean.error[0, 0]), "low": _numbers(verdict.mean.low[0, 0]),
         "high": _numbers(verdict.mean.high[0, 0]), "confidence": round(1 - gate.pass_level, 12),
         "tests": {name: {
@@ -98,6 +102,11 @@ def as_json(result: GateResult) -> dict[str, Any]:
         "samples": result.test.samples, "budget": gate.spp * gate.replicas, "not_finite": result.test.rejected,
         "fail_level": gate.fail_level, "seconds": round(result.seconds, 3),
     }
+
+
+def _facts(gate: Gate) -> dict[str, str]:
+    return {"why": gate.reason, "scene": gate.scene.stem, "strategy": gate.strategy, "origin": gate.origin,
+            "command": command(gate)}
 
 
 def _numbers(values: np.ndarray) -> list[float | None]:

@@ -85,7 +85,7 @@ def load_gates(path: str | Path) -> GatesFile:
 
 def _parse(path: Path) -> tuple[dict[str, Any], Lines]:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # editors on Windows begin files with a byte-order mark
     except IsADirectoryError:
         raise HarnessError(f"{path}: a folder, not a gates file; name a .toml file") from None
     except OSError as error:

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from harness.files import data_dir
 from harness.gates.budget import factor_needed, tile_scale
 from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look, MitsubaReference
 from harness.gates.references import FixedReference, References
+from harness.gates.shaders import gate_source
 from harness.runs import Progress, Renderer, Run, quiet
 from harness.scene import Scene, load_scene
 from harness.stats.levels import Looks
@@ -18,9 +18,7 @@ from harness.stats.needed import times
 from harness.stats.sequential import Sequence
 from harness.stats.tiles import TileSamples, tile_size
 from harness.stats.verdicts import tile_verdict
-from harness.tracer.codegen import scene_chunk
 from harness.tracer.renderer import TracerRenderer, check_strategy
-from harness.tracer.source import ShaderSource, assemble
 
 # What renders the test: the tracer, or in tests and for mutants another.
 MakeRenderer = Callable[[Gate, Scene], Renderer]
@@ -70,21 +68,6 @@ def tracer(gate: Gate, scene: Scene) -> TracerRenderer:
     return TracerRenderer(scene, gate.strategy, gate_source(gate, scene))
 
 
-def gate_source(gate: Gate, scene: Scene) -> ShaderSource:
-    """The shader of a gate: ours, with what `shader` and `glsl` put in place of files of the same name."""
-    generated = {"scene.glsl": scene_chunk(scene, gate.strategy)}
-    main = gate.shader.name if gate.shader else "path_tracer.frag"
-    try:
-        if gate.glsl:
-            for path in sorted(path for path in gate.glsl.rglob("*") if path.suffix in (".glsl", ".frag")):
-                generated[path.relative_to(gate.glsl).as_posix()] = path.read_text(encoding="utf-8")
-        if gate.shader:
-            generated[main] = gate.shader.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise gate.error(f"the shader cannot be read: {error}") from None
-    return assemble(main, data_dir("glsl"), generated=generated)
-
-
 def _look(gate: Gate, ours: Run, theirs: Run | FixedReference, advance: Callable[[float], None]) -> list[Look]:
     sequence = Sequence(Looks(tuple(gate.spp * replicas for replicas in gate.looks)), gate.tolerance, gate.fail_level,
                         gate.pass_level)
@@ -118,12 +101,36 @@ def _result(gate: Gate, scene: Scene, looks: list[Look], ours: Run, theirs: Run 
     estimate = ours.estimate()
     drawn = estimate.samples * scene.width * scene.height
     if estimate.rejected > gate.not_finite * drawn:
-        outcome, reason = "fail", (f"{estimate.rejected} of {drawn} samples were not finite, or not counted in alpha; "
-                                   "look for a division by zero, or a root or power of a negative number")
+        outcome, reason = "fail", _uncounted(estimate.rejected, drawn)
+    elif _is_one_image(ours) and _varies(ours):
+        outcome, reason = "fail", ("all replicas are one image, which is not without noise: the seed leaves out "
+                                   "`replica`, so its error and its noise cannot be told apart")
+    elif outcome != "pass" and _is_one_image(ours):
+        reason += "; all batches are one image: without noise, or from a seed without `first_sample` and `replica`"
     elif outcome == "inconclusive":
         reason += f"; the budget of {gate.replicas} x {gate.spp} samples per pixel has ended"
     return GateResult(gate, outcome, reason, tuple(looks), _curve(gate, ours, theirs), estimate, theirs.estimate(),
                       scene.exposure, seconds)
+
+
+def _uncounted(rejected: int, drawn: int) -> str:
+    """What samples that alpha does not count tell: a few were not finite, most or all were never added."""
+    counted = f"{rejected} of {drawn} samples were not finite, or not counted in alpha"
+    if 2 * rejected > drawn:
+        return (f"{counted}; to what pingpong0 holds (nothing at numpass 0) each of samples_per_pass samples must add "
+                "its radiance, and 1 to alpha")
+    return f"{counted}; look for a division by zero, or a root or power of a negative number"
+
+
+def _is_one_image(run: Run) -> bool:
+    means = run.tiles(run.replicas).means
+    return bool((means == means[0]).all())
+
+
+def _varies(run: Run) -> bool:
+    """Do further samples of a replica differ from its first?"""
+    first, further = (run.renderer.render_batch(0, start, run.spp).mean for start in (0, run.spp))
+    return not np.array_equal(first, further)
 
 
 def _curve(gate: Gate, ours: Run, theirs: Run | FixedReference) -> tuple[CurvePoint, ...]:

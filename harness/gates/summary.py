@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
+from contextlib import suppress
 from html import escape
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from harness.files import write_atomically
 from harness.gates.artefacts import PICTURES
@@ -36,9 +39,11 @@ code { font: .85em ui-monospace, "DejaVu Sans Mono", monospace; background: #f2f
 
 
 def write_summary(results: Sequence[dict[str, Any]], folder: Path, kinds: Sequence[str] = KINDS) -> list[Path]:
-    """Write summary.html and summary.json, as asked, into `folder`, where each gate has a folder of its name.
+    """Write summary.html and summary.json, as asked, into `folder`, where each gate has a folder of its name; one that
+    was not asked for is removed, since it would show an earlier run.
 
-    `results`: what `artefacts.as_json` makes of each, or {gate, outcome: "error", reason} of one that did not run.
+    `results`: what `artefacts.as_json` makes of each, `artefacts.error_json` of one that could not be run, or of its
+    keys gate, outcome and reason alone.
     Returns the files. StoreError when one cannot be written.
     """
     ordered = sorted(results, key=lambda result: ORDER.index(result["outcome"]))
@@ -49,6 +54,9 @@ def write_summary(results: Sequence[dict[str, Any]], folder: Path, kinds: Sequen
             with write_atomically(folder / name) as partial:
                 partial.write_text(texts[kind](), encoding="utf-8")
             written.append(folder / name)
+        else:
+            with suppress(OSError):
+                (folder / name).unlink()
     return written
 
 
@@ -72,7 +80,7 @@ def _page(results: Sequence[dict[str, Any]], folder: Path) -> str:
 
 def _row(result: dict[str, Any]) -> str:
     name, outcome = escape(result["gate"]), result["outcome"]
-    linked = name if outcome == "pass" else f'<a href="#{name}">{name}</a>'
+    linked = name if outcome == "pass" else f'<a href="#{quote(result["gate"])}">{name}</a>'
     cells = ["–"] * 7
     if outcome != "error":
         tests = result["tests"]
@@ -92,7 +100,9 @@ def _section(result: dict[str, Any], folder: Path) -> str:
              f"<p>{escape(result['reason'])}</p>"]
     if "command" in result:
         lines += [f"<p><code>{escape(result['command'])}</code></p>",
-                  f'<p class="soft">{escape(result["why"])} ({escape(result["origin"])})</p>', _tests(result),
+                  f'<p class="soft">{escape(result["why"])} ({escape(result["origin"])})</p>']
+    if "tests" in result:
+        lines += [_tests(result),
                   '<div class="pictures">', *(_figure(result["gate"], picture) for picture in PICTURES
                                               if (folder / result["gate"] / picture).exists()), "</div>"]
     return "\n".join(lines)
@@ -111,13 +121,13 @@ def _tests(result: dict[str, Any]) -> str:
 def _figure(gate: str, picture: str) -> str:
     smooth = "" if picture in ("test.png", "reference.png") else ' class="smooth"'
     caption = picture.rpartition(".")[0].replace("-", " ")
-    path = f"{escape(gate)}/{picture}"
+    path = quote(f"{gate}/{picture}")
     return (f'<figure><a href="{path}"><img{smooth} src="{path}" alt="{caption}"></a>'
             f"<figcaption>{caption}</figcaption></figure>")
 
 
 def percent(value: float | None, *, signed: bool = False) -> str:
-    """'+0.012 %'; '∞' for what has no bound."""
-    if value is None:
+    """'+0.012 %'; '∞' for what has no bound, or is not finite."""
+    if value is None or not math.isfinite(value):
         return "∞"
     return f"{100 * value:{'+' if signed else ''}.3g} %"

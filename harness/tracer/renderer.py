@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, ShaderError
 from harness.estimate import Batch
 from harness.files import data_dir
 from harness.scene.model import Scene, is_black
@@ -33,6 +33,9 @@ FLUSH_SAMPLES = 512
 SEEDS = 2**32
 # One draw should take no longer: desktop drivers reset a device that is busy for about two seconds.
 DRAW_SECONDS = 0.25
+# An endless loop shows as draws that take so long at less than so many pixel-samples per second: under a hundredth
+# of what the slowest scene here does on one core. Desktop drivers give up after these seconds, llvmpipe goes on.
+STUCK_SECONDS, STUCK_RATE = 2.0, 2000
 # Pixel-samples of the first draw, before anything is known about the device: 64² pixels of 16 samples.
 FIRST_DRAW = 64 * 64 * 16
 
@@ -91,6 +94,7 @@ class TracerRenderer:
         iterations = scene.max_depth * (1 + march_steps(scene.shapes))  # of one sample, at most
         self._max_samples = max(1, min(MAX_SAMPLES_PER_PASS, MAX_ITERATIONS // iterations))
         self._draw_work = FIRST_DRAW
+        self._compiled = False  # drivers compile in the first draw, whose time tells nothing
 
     @property
     def identity(self) -> dict[str, str]:
@@ -114,6 +118,10 @@ class TracerRenderer:
         for first in range(start, start + count, FLUSH_SAMPLES):
             samples = min(FLUSH_SAMPLES, start + count - first)
             total += self._accumulate(replica, first, samples, advance)
+        # What alpha says is believed where it can be a number of samples; a shader under test may write anything.
+        alpha = total[..., 3]
+        believed = np.isfinite(total).all(axis=-1) & (alpha >= 0) & (alpha <= count) & (alpha == np.rint(alpha))
+        total[~believed] = 0
         finite = total[..., 3:]
         mean = np.divide(total[..., :3], finite, out=np.zeros_like(total[..., :3]), where=finite > 0)
         rejected = count * self.scene.width * self.scene.height - int(finite.sum())
@@ -170,6 +178,10 @@ class TracerRenderer:
         self._program.draw()
         gl.finish()
         seconds = time.perf_counter() - began
+        if self._compiled and seconds > max(STUCK_SECONDS, work / STUCK_RATE):
+            raise ShaderError(f"{self.source.files[0][0]}: {work} samples took {seconds:.1f} s, as with a loop without "
+                              "end; give each loop a bound that ends it")
+        self._compiled = True
         if seconds > DRAW_SECONDS:
             self._draw_work = max(1, work // 2)
         elif seconds < DRAW_SECONDS / 4 and work * 4 > self._draw_work:

@@ -23,6 +23,8 @@ _MESSAGES = (
     re.compile(r"^ERROR: \d+:(?P<line>\d+): (?P<text>.*)$", re.MULTILINE),
     re.compile(r"^\d+\((?P<line>\d+)\) : error \w+: (?P<text>.*)$", re.MULTILINE),
 )
+# Mesa's preprocessor counts lines rightly where its compiler is one ahead.
+_PREPROCESSOR = re.compile(r"^\d+:(?P<line>\d+)\(\d+\): preprocessor error: (?P<text>.*)$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -38,10 +40,11 @@ class ShaderSource:
         `line_offset` is what the driver adds to the numbers that `#line` sets: 0 by the GLSL standard since 3.30,
         1 on Mesa.
         """
-        for pattern in _MESSAGES:
+        for pattern in (_PREPROCESSOR, *_MESSAGES):
             if not (found := pattern.search(log)):
                 continue
-            file, number = divmod(int(found["line"]) - line_offset, LINE_STRIDE)
+            offset = 0 if pattern is _PREPROCESSOR else line_offset
+            file, number = divmod(int(found["line"]) - offset, LINE_STRIDE)
             if 1 <= file <= len(self.files):
                 name, content = self.files[file - 1]
                 lines = content.splitlines()
@@ -51,13 +54,14 @@ class ShaderSource:
 
 
 def assemble(main: str, root: Path, generated: Mapping[str, str] | None = None,
-             defines: Mapping[str, object] | None = None) -> ShaderSource:
+             defines: Mapping[str, object] | None = None, shown: Mapping[str, str] | None = None) -> ShaderSource:
     """Join `main` (a file name under `root`, or a name in `generated`) with all it includes, each file once.
 
-    `generated` maps include names to texts that exist only in memory; they win over files of the same name.
+    `generated` maps include names to texts that exist only in memory; they win over files of the same name. `shown`
+    maps include names to what messages call them.
     Raises ShaderError, with file and line, for an include that does not exist.
     """
-    generated = generated or {}
+    generated, shown = generated or {}, shown or {}
     files: list[tuple[str, str]] = []
     numbers: dict[str, int] = {}
     header = [GLSL_VERSION, *(f"#define {name} {value}" for name, value in (defines or {}).items())]
@@ -72,8 +76,8 @@ def assemble(main: str, root: Path, generated: Mapping[str, str] | None = None,
 
     def expand(name: str, included_at: str) -> list[str]:
         number = numbers[name] = len(files)
-        content = read(name, included_at)
-        files.append((name, content))
+        called, content = shown.get(name, name), read(name, included_at)
+        files.append((called, content))
         start = (number + 1) * LINE_STRIDE
         output = [f"#line {start + 1} {number} // {name}"]
         for line, text in enumerate(content.splitlines(), start=1):
@@ -82,7 +86,7 @@ def assemble(main: str, root: Path, generated: Mapping[str, str] | None = None,
             elif found[1] in numbers:
                 output.append("")
             else:
-                output += [*expand(found[1], f"{name}:{line}"), f"#line {start + line + 1} {number} // {name}"]
+                output += [*expand(found[1], f"{called}:{line}"), f"#line {start + line + 1} {number} // {name}"]
         return output
 
     text = "\n".join([*header, *expand(main, main)]) + "\n"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from harness.errors import MachineError
 from tests.cli.conftest import Harness, refusal
 from tests.gates_support import GATES, write
 
@@ -99,8 +100,43 @@ reference = { spp = 1 }
 size = [24, 18]
 reason = "Too few samples."
 """)
-    message = refusal(harness("gate"))
+    done = harness("gate")
+    message = done.err.strip().removeprefix("harness: error: ")
+    assert (done.status, message.count("\n")) == (2, 0)
     assert message.startswith("tests/gates.toml:14: gate 'small': a budget of 64 replicas of 1 samples per pixel is "
                               "too small to decide; about ")
     assert message.endswith(" times the samples would do (of the reference as well), or wider tolerances")
     assert "1 pass" in Path("reports/out/gates/summary.html").read_text(encoding="utf-8")
+
+
+def test_a_gate_that_cannot_be_run_does_not_stop_the_others(harness: Harness, gates: Path) -> None:
+    """Thirty students' shaders in one file: one that does not compile is no reason to leave out the rest."""
+    write(gates.parent, GATES + "".join(
+        f'[[gate]]\nname = "{name}"\nscene = "sky.xml"\nstrategy = "cosine"\nshader = "own.frag"\nreason = "Mine."\n'
+        for name in "ab"))
+    (gates.parent / "own.frag").write_text("\nvoid main() { undeclared = 1; }\n")
+    stale = Path("out/a/z-map.png")
+    stale.parent.mkdir(parents=True)
+    stale.touch()
+    done = harness("gate", "-o", "out")
+    assert done.status == 2
+    assert done.err.startswith("harness: error: tests/own.frag:2: ")
+    assert done.err.endswith(" (and 1 more; see out/summary.html)\n")
+    told = [line for line in done.out.splitlines() if line.startswith("a: ")]
+    assert len(told) == 1 and told[0].startswith("a: error: tests/own.frag:2: ")
+    assert told[0].endswith("; harness gate tests/gates.toml --only a")
+    assert done.out.splitlines()[-1] == "2 error, 1 pass; out/summary.html"
+    assert not stale.exists()
+    found = harness("gate", "--json")
+    assert (found.status, [gate["outcome"] for gate in found.json["gates"]]) == (2, ["pass", "error", "error"])
+
+
+def test_a_machine_that_lacks_something_stops_at_once(
+    harness: Harness, gates: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def lacking(*arguments: object, **options: object) -> None:
+        raise MachineError("no headless OpenGL; type: make")
+
+    monkeypatch.setattr("harness.gates.run_gate", lacking)
+    done = harness("gate")
+    assert (done.status, done.err) == (3, "harness: error: no headless OpenGL; type: make\n")

@@ -166,6 +166,29 @@ def test_samples_that_are_not_finite_are_rejected_and_counted(bits: str) -> None
             np.testing.assert_array_equal(batch.mean, 1)  # the samples that are left have their own mean
 
 
+@pytest.mark.parametrize("written", ["vec4(1.0)", "vec4(1.0, 1.0, 1.0, -1.0)", "vec4(1e30, 1.0, 1.0, 1e-30)",
+                                     "sum + vec4(1.0, 1.0, 1.0, 20.0)", "vec4(0.0) / (sum.r - sum.r)"])
+def test_alpha_is_believed_where_it_can_be_a_number_of_samples(written: str) -> None:
+    """Of a shader that writes anything else the samples count as rejected, and the image stays finite."""
+    source = tracer_source(sky(), "cosine")
+    broken = dataclasses.replace(source, text=source.text.replace(
+        "accumulated = trace_samples(sum, ", f"accumulated = {written} + 0.0 * trace_samples(sum, "))
+    assert broken.text != source.text
+    batch = TracerRenderer(sky(), "cosine", broken).render_batch(0, 0, 8)
+    assert batch.rejected >= 7 * 8 * 4
+    assert np.isfinite(batch.mean).all()
+
+
+def test_a_loop_without_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draws that take seconds for a few samples, from the second on: the first compiles, which may take as long."""
+    renderer = TracerRenderer(sky(), "cosine")
+    seconds = iter(range(0, 1000, 3))
+    monkeypatch.setattr(renderer_module.time, "perf_counter", lambda: next(seconds))
+    renderer.render_batch(0, 0, 1)
+    with pytest.raises(ShaderError, match=r"^path_tracer\.frag: 16 samples took 3\.0 s, as with a loop without end; "):
+        renderer.render_batch(1, 0, 1)
+
+
 def test_a_shader_that_does_not_compile_is_refused() -> None:
     """With our file and line, before anything is drawn."""
     source = tracer_source(sky(), "cosine")

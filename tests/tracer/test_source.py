@@ -131,6 +131,27 @@ def test_logs_of_every_vendor_are_understood(root: Path, log: str, offset: int) 
     assert message.endswith("; in the line `return a() + 1.0;`")
 
 
+def test_the_preprocessor_counts_lines_otherwise_than_the_compiler(root: Path) -> None:
+    """On Mesa the one is right where the other is one ahead."""
+    for line, text in ((3, "#error mine"), (5, "#if 1")):
+        lines = MAIN.splitlines()
+        lines[line - 1] = text
+        (root / "main.frag").write_text("\n".join(lines) + "\n")
+        assert compile_error(assemble("main.frag", root)).startswith(f"main.frag:{line}: ")
+
+
+def test_messages_call_files_what_the_caller_does(root: Path) -> None:
+    """Somebody's own files by their paths, which the shader's text does not depend on."""
+    (root / "lib" / "b.glsl").write_text('#include "lib/a.glsl"\nfloat b() { return undeclared; }\n')
+    shown = {"lib/b.glsl": "mine/b.glsl"}
+    source = assemble("main.frag", root, shown=shown)
+    assert compile_error(source).startswith("mine/b.glsl:2: ")
+    assert source.text == assemble("main.frag", root).text
+    (root / "lib" / "b.glsl").write_text('#include "lib/absent.glsl"\n')
+    with pytest.raises(ShaderError, match=r"^mine/b\.glsl:1: no such shader file"):
+        assemble("main.frag", root, shown=shown)
+
+
 @pytest.mark.parametrize("offset", [0, 1])
 def test_the_drivers_own_count_of_lines_is_asked_for(root: Path, monkeypatch: pytest.MonkeyPatch, offset: int) -> None:
     """GLSL before 3.30, and drivers that kept to it, number the line after `#line n` n + 1: both are put right."""
