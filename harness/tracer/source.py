@@ -19,12 +19,10 @@ LINE_STRIDE = 100_000
 _INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"\s*(?://.*)?$')
 # Mesa `S:line(col): error: text`; Intel, AMD and Apple `ERROR: S:line: text`; NVIDIA `S(line) : error C0000: text`.
 _MESSAGES = (
-    re.compile(r"^\d+:(?P<line>\d+)\(\d+\): error: (?P<text>.*)$", re.MULTILINE),
+    re.compile(r"^\d+:(?P<line>\d+)\(\d+\): (?:preprocessor )?error: (?P<text>.*)$", re.MULTILINE),
     re.compile(r"^ERROR: \d+:(?P<line>\d+): (?P<text>.*)$", re.MULTILINE),
     re.compile(r"^\d+\((?P<line>\d+)\) : error \w+: (?P<text>.*)$", re.MULTILINE),
 )
-# Mesa's preprocessor counts lines rightly where its compiler is one ahead.
-_PREPROCESSOR = re.compile(r"^\d+:(?P<line>\d+)\(\d+\): preprocessor error: (?P<text>.*)$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -40,11 +38,10 @@ class ShaderSource:
         `line_offset` is what the driver adds to the numbers that `#line` sets: 0 by the GLSL standard since 3.30,
         1 on Mesa.
         """
-        for pattern in (_PREPROCESSOR, *_MESSAGES):
+        for pattern in _MESSAGES:
             if not (found := pattern.search(log)):
                 continue
-            offset = 0 if pattern is _PREPROCESSOR else line_offset
-            file, number = divmod(int(found["line"]) - offset, LINE_STRIDE)
+            file, number = divmod(int(found["line"]) - line_offset, LINE_STRIDE)
             if 1 <= file <= len(self.files):
                 name, content = self.files[file - 1]
                 lines = content.splitlines()

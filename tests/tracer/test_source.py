@@ -131,8 +131,8 @@ def test_logs_of_every_vendor_are_understood(root: Path, log: str, offset: int) 
     assert message.endswith("; in the line `return a() + 1.0;`")
 
 
-def test_the_preprocessor_counts_lines_otherwise_than_the_compiler(root: Path) -> None:
-    """On Mesa the one is right where the other is one ahead."""
+def test_errors_of_the_preprocessor_name_their_line(root: Path) -> None:
+    """Mesa words them otherwise than the compiler's."""
     for line, text in ((3, "#error mine"), (5, "#if 1")):
         lines = MAIN.splitlines()
         lines[line - 1] = text
