@@ -67,6 +67,12 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     return GatesCollector.from_parent(parent, path=file_path)
 
 
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """After the last gate, free what would slow down other tests of the same process."""
+    if isinstance(item, GateItem) and not isinstance(nextitem, GateItem):
+        item.config.stash[_REFERENCES].release()
+
+
 class GatesCollector(pytest.File):
     """One gates file: a test for each gate."""
 

@@ -360,3 +360,22 @@ def test_mitsubas_reference_is_what_gates_are_held_against(tmp_path: Path) -> No
     assert result.outcome == "pass"
     run = references.of(gate, check_gate(gate))
     assert isinstance(run, Run) and isinstance(run.renderer, ReferenceRenderer)
+
+
+def test_one_of_mitsubas_scenes_is_held_at_a_time(tmp_path: Path) -> None:
+    """What was drawn of the others is kept, and more can be."""
+    first = one_gate(tmp_path, GATES.replace("{ value = [0.5, 0.5, 0.5] }", "{ spp = 2 }"))
+    second = dataclasses.replace(first, size=(20, 20))
+    references, released = References(), []
+    runs = [references.of(gate, check_gate(gate)) for gate in (first, second)]
+    for run in runs:
+        assert isinstance(run, Run) and isinstance(run.renderer, ReferenceRenderer)
+        run.grow(1)
+        released.append(run.renderer)
+    references.of(second, check_gate(second))
+    assert [renderer.is_released for renderer in released] == [True, False]
+    references.release()
+    assert [renderer.is_released for renderer in released] == [True, True]
+    assert references.of(first, check_gate(first)) is runs[0]
+    runs[0].grow(2)
+    assert runs[0].estimate().samples == 4

@@ -203,6 +203,17 @@ class TestOptions:
         result.stderr.fnmatch_lines([f"ERROR: {option.partition('=')[0]}: {message}"])
 
 
+def test_scenes_are_freed_after_the_last_gate(
+    pytester: pytest.Pytester, repository: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Living scenes slow down whatever other tests of the process do with Mitsuba."""
+    write(repository, WRONG)
+    freed: list[object] = []
+    monkeypatch.setattr("harness.gates.References.release", lambda self, but=None: freed.append(but))
+    pytester.runpytest("gates.toml", "test_scenes_are_freed_after_the_last_gate.py").assert_outcomes(passed=2, failed=1)
+    assert freed == [None]
+
+
 def test_xdists_workers_share_one_summary(pytester: pytest.Pytester, repository: Path) -> None:
     write(repository, WRONG)
     result = pytester.runpytest_subprocess("-n2", "--harness-generate-summary=json")

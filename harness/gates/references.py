@@ -36,7 +36,8 @@ class FixedReference:
 class References:
     """The references of a run of several gates: the same scene at the same size is rendered once.
 
-    Holds Mitsuba's scenes, which take about a second each to compile. `store`: where Mitsuba's batches are kept, and
+    Holds what was drawn of each, but only one of Mitsuba's scenes, that of the last gate: see
+    `ReferenceRenderer.release`. `store`: where Mitsuba's batches are kept, and
     looked for, between runs.
     """
 
@@ -50,6 +51,7 @@ class References:
         match gate.reference:
             case MitsubaReference(spp):
                 key = scene.content_hash, spp
+                self.release(but=key)
                 if key not in self._runs:
                     self._runs[key] = Run(ReferenceRenderer(scene), spp, tile, self._store)
                 return self._runs[key]
@@ -59,6 +61,12 @@ class References:
             case FileReference():
                 estimate = _read(gate, gate.reference, scene)
                 return FixedReference(estimate, tiles_of(estimate, tile))
+
+    def release(self, but: tuple[str, int] | None = None) -> None:
+        """Let go of Mitsuba's scenes, but for one; what was drawn is kept, and more can be."""
+        for key, run in self._runs.items():
+            if key != but and isinstance(run.renderer, ReferenceRenderer):
+                run.renderer.release()
 
 
 def _read(gate: Gate, reference: FileReference, scene: Scene) -> Estimate:

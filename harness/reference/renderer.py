@@ -50,10 +50,11 @@ class ReferenceRenderer:
         self.scene = scene
         self.integrator = integrator
         self.samples_per_call = max(1, min(MAX_SPP_PER_CALL, MAX_SAMPLES_PER_CALL // (scene.width * scene.height)))
-        self._mitsuba_scene = instantiate(scene)
+        self._mitsuba_scene: Any = None
+        self._moving_shapes: MovingShapes | None = None
+        self._instantiate()
         options = {"rr_depth": RR_DEPTH_OFF} if integrator == "path" else {}
         mi = use_reference_variant()
-        self._moving_shapes = MovingShapes(mi, self._mitsuba_scene, scene) if motion.moving(scene) else None
         self._sharing = samples_per_moment(scene)
         self._integrator = mi.load_dict({"type": integrator, "max_depth": scene.max_depth, **options})
 
@@ -81,9 +82,30 @@ class ReferenceRenderer:
         """
         _check_range(replica, start, count)
         use_reference_variant()
+        if self.is_released:
+            self._instantiate()
         began = time.process_time()
         mean, rejected = average(self._calls(replica, start, count, advance))
         return Batch(mean.astype(np.float32), count, rejected, time.process_time() - began)
+
+    def release(self) -> None:
+        """Let go of Mitsuba's scene; the next batch instantiates it again.
+
+        A renderer that is kept but not used slows down all others of the process: drjit 1.5 puts into a virtual call
+        the code of every living instance of the class, whichever scene it belongs to. With 15 other scenes alive one
+        scene took 7 times as long to compile, anew each time, and 3 times as long to render a small batch.
+        """
+        self._mitsuba_scene = self._moving_shapes = None
+
+    @property
+    def is_released(self) -> bool:
+        """No scene of Mitsuba's is held."""
+        return self._mitsuba_scene is None
+
+    def _instantiate(self) -> None:
+        self._mitsuba_scene = instantiate(self.scene)
+        if motion.moving(self.scene):
+            self._moving_shapes = MovingShapes(use_reference_variant(), self._mitsuba_scene, self.scene)
 
     def _calls(self, replica: int, start: int, count: int,
                advance: Callable[[int], None] | None) -> Iterable[tuple[np.ndarray, int]]:
@@ -99,7 +121,7 @@ class ReferenceRenderer:
 
     def _pieces(self, start: int, count: int) -> list[tuple[int, int]]:
         """The calls (first sample, samples) that a range is drawn in."""
-        if self._moving_shapes is not None:
+        if motion.moving(self.scene):
             return moments(start, count, self._sharing, self.samples_per_call)
         return [(first, min(self.samples_per_call, start + count - first))
                 for first in range(start, start + count, self.samples_per_call)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 from pathlib import Path
 from typing import Any
 
@@ -261,3 +262,20 @@ def test_an_unknown_integrator_is_refused() -> None:
     """The message lists the known ones."""
     with pytest.raises(HarnessError, match="'volpath'; allowed: path, bsdf_path"):
         ReferenceRenderer(scene("spheres"), "volpath")
+
+
+@pytest.mark.parametrize("name", ["spheres", "motion_blur"])
+def test_a_renderer_that_is_released_holds_no_scene_and_goes_on(name: str) -> None:
+    """Mitsuba's objects are gone, which drjit would compile into the kernels of all other scenes."""
+    def living() -> int:
+        gc.collect()
+        return sum(type(thing).__name__ == "Phong" for thing in gc.get_objects())
+
+    before = living()
+    renderer = ReferenceRenderer(scene(name))
+    first = renderer.render_batch(0, 0, 4)
+    assert living() > before
+    renderer.release()
+    assert living() == before
+    np.testing.assert_array_equal(renderer.render_batch(0, 0, 4).mean, first.mean)
+    assert living() > before
