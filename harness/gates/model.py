@@ -10,6 +10,8 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.estimate import Estimate
 from harness.stats.bias import Outcome
+from harness.stats.levels import Looks
+from harness.stats.sequential import Sequence
 from harness.stats.verdicts import BiasVerdict, TileVerdict, Tolerance
 
 # Looks are at 1/4, 1/2 and all of the budget: an easy gate is spared three quarters of it.
@@ -77,6 +79,12 @@ class Gate:
     def looks(self) -> tuple[int, ...]:
         """The numbers of replicas at which the gate looks."""
         return tuple(self.replicas // share for share in LOOK_SHARES)
+
+    @property
+    def sequence(self) -> Sequence:
+        """The verdicts at these looks, and the error rates that they share."""
+        return Sequence(Looks(tuple(self.spp * replicas for replicas in self.looks)), self.tolerance, self.fail_level,
+                        self.pass_level)
 
     def error(self, message: str) -> HarnessError:
         """A HarnessError that begins with where the gate stands and which it is."""

@@ -7,16 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from harness.gates.budget import factor_needed, tile_scale
+from harness.gates.budget import factor_needed, tile_scale, too_small
 from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look, MitsubaReference
 from harness.gates.references import FixedReference, References
 from harness.gates.shaders import gate_source
 from harness.runs import Progress, Renderer, Run, quiet
 from harness.scene import Scene, load_scene
-from harness.stats.levels import Looks
 from harness.stats.needed import times
-from harness.stats.sequential import Sequence
-from harness.stats.tiles import TileSamples, tile_size
+from harness.stats.tiles import ImageMoments, TileSamples, tile_size
 from harness.stats.verdicts import tile_verdict
 from harness.tracer.renderer import TracerRenderer, check_strategy
 
@@ -69,26 +67,23 @@ def tracer(gate: Gate, scene: Scene) -> TracerRenderer:
 
 
 def _look(gate: Gate, ours: Run, theirs: Run | FixedReference, advance: Callable[[float], None]) -> list[Look]:
-    sequence = Sequence(Looks(tuple(gate.spp * replicas for replicas in gate.looks)), gate.tolerance, gate.fail_level,
-                        gate.pass_level)
     done: list[Look] = []
     for number, replicas in enumerate(gate.looks):
         ours.grow(replicas, advance)
         theirs.grow(replicas)
         test, reference = ours.tiles(replicas), theirs.tiles(replicas)
-        verdict = sequence.decide(number, test, reference)
+        verdict = gate.sequence.decide(number, test, reference)
         done.append(Look(gate.spp * replicas, int(reference.samples.sum()), verdict))
         if verdict.outcome != "inconclusive":
             break
         if number == 0:
-            _require_budget(gate, sequence, test, reference)
+            _require_budget(gate, ImageMoments.of(test), ImageMoments.of(reference))
     return done
 
 
-def _require_budget(gate: Gate, sequence: Sequence, test: TileSamples, reference: TileSamples) -> None:
-    share = gate.looks[0] / gate.replicas
-    if share * factor_needed(sequence, test, reference, at_least=True) > 1:
-        factor = share * factor_needed(sequence, test, reference)
+def _require_budget(gate: Gate, test: ImageMoments, reference: ImageMoments) -> None:
+    if too_small(gate, test, reference):
+        factor = gate.looks[0] / gate.replicas * factor_needed(gate.sequence, test, reference)
         also = " (of the reference as well)" if isinstance(gate.reference, MitsubaReference) else ""
         raise gate.error(f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small to "
                          f"decide; about {times(factor)} the samples would do{also}, or wider tolerances")

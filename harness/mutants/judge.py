@@ -15,7 +15,8 @@ from harness.errors import HarnessError, ShaderError
 from harness.estimate import Batch, with_luminance
 from harness.files import data_dir, shaders_from
 from harness.gates import Gate, References
-from harness.gates.runner import check_gate, gate_source, run_gate
+from harness.gates.runner import check_gate, run_gate
+from harness.gates.shaders import gate_source
 from harness.mutants.catalogue import Mutant
 from harness.mutants.matrix import State
 from harness.scene import Scene

@@ -19,9 +19,39 @@ def skew_deviate(difference: np.ndarray, variance: np.ndarray, third: np.ndarray
     the other side longer. The deviate nearer to zero of the two is returned: neither tail then alarms more often than
     stated, which costs power only where the skewness is large. NaN where the variance is.
     """
+    return _normal(skew_student(difference, variance, third), dof)
+
+
+def skew_student(difference: np.ndarray, variance: np.ndarray, third: np.ndarray) -> np.ndarray:
+    """The value whose normal deviate `skew_deviate` returns: Student's t, or Hall's where that is nearer to zero."""
     t, g = _studentized(difference, variance, third)
     transformed = t + g * t**2 / 3 + g**2 * t**3 / 27 + g / 6
-    return _nearer_zero(_normal(t, dof), _normal(transformed, dof))
+    return _nearer_zero(t, transformed)
+
+
+def largest_deviate(t: np.ndarray, dof: np.ndarray) -> float:
+    """The largest of Student's t as normal deviates; at most 0 where none is above, and NaN counts as none.
+
+    A positive t exceeds its deviate, so few can be the largest: only for those the tail probability is computed, which
+    costs more than all the rest of a verdict.
+    """
+    t = np.nan_to_num(t, nan=-np.inf)
+    first = np.unravel_index(int(np.argmax(t)), t.shape)
+    if not t[first] > 0:
+        return 0.0
+    candidates = t >= _normal(t[first], dof[first])
+    return float(_normal(t[candidates], dof[candidates]).max())
+
+
+def all_exceed(t: np.ndarray, dof: np.ndarray, deviate: float) -> bool:
+    """Is every Student's t, as a normal deviate, at least `deviate`, which is positive? False where one is NaN.
+
+    What lies above the bound for the fewest degrees of freedom does; in detail only what lies between is looked at.
+    """
+    if not (t >= deviate).all():
+        return False
+    between = t < special.stdtrit(float(dof.min()), special.ndtr(deviate))
+    return bool((_normal(t[between], dof[between]) >= deviate).all())
 
 
 def skew_interval(difference: np.ndarray, variance: np.ndarray, third: np.ndarray, dof: np.ndarray,

@@ -20,22 +20,27 @@ def factor_to_decide(ratios: np.ndarray, sure: float) -> float:
     (1945) two-stage sample size, for many intervals at once by the union bound. Infinite where a ratio is not finite,
     or for more than 2^40 times.
     """
-    if not np.isfinite(ratios).all() or _undecided(ratios, HOPELESS, sure) > 1 - DECIDED:
+    if undecided(ratios, HOPELESS, sure) > 1 - DECIDED:
         return float("inf")
     low, high = 1 / HOPELESS, HOPELESS
     while high / low > 1.01:
         middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if _undecided(ratios, middle, sure) > 1 - DECIDED else (low, middle)
+        low, high = (middle, high) if undecided(ratios, middle, sure) > 1 - DECIDED else (low, middle)
     return high
+
+
+def undecided(ratios: np.ndarray, factor: float, sure: float) -> float:
+    """The most (union bound) that the probability can be that some interval reaches beyond its tolerance.
+
+    With `factor` times the samples; `ratios` and `sure` as in `factor_to_decide`. Infinite where a ratio is not finite.
+    """
+    if not np.isfinite(ratios).all():
+        return float("inf")
+    with np.errstate(divide="ignore"):
+        room = np.sqrt(factor) / ratios - sure
+    return float(2 * special.ndtr(-room).sum())
 
 
 def times(factor: float) -> str:
     """A factor in words: '3.1 times', never less than 1.1."""
     return f"{max(factor, 1.1):.2g} times" if factor < MANY else "more than a million times"
-
-
-def _undecided(ratios: np.ndarray, factor: float, sure: float) -> float:
-    """The most (union bound) that the probability can be that some interval reaches beyond its tolerance."""
-    with np.errstate(divide="ignore"):
-        room = np.sqrt(factor) / ratios - sure
-    return float(2 * special.ndtr(-room).sum())

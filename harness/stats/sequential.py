@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from harness.stats.bias import Outcome
 from harness.stats.levels import Looks
-from harness.stats.tiles import TileSamples
-from harness.stats.verdicts import BiasVerdict, Tolerance, bias_verdict
+from harness.stats.tiles import ImageMoments, TileSamples
+from harness.stats.verdicts import BiasVerdict, Tolerance, bias_outcome, bias_verdict
 
 
 @dataclass(frozen=True)
@@ -26,4 +27,9 @@ class Sequence:
     def decide(self, look: int, test: TileSamples, reference: TileSamples) -> BiasVerdict:
         """The verdict at look number `look`, from 0; final unless it is inconclusive and a look is left."""
         return bias_verdict(test, reference, self.tolerance, fail_level=self.looks.level(look, self.fail_level),
+                            pass_level=self.looks.level(look, self.pass_level))
+
+    def outcome(self, look: int, test: ImageMoments, reference: ImageMoments) -> Outcome:
+        """That of `decide`, from moments and without the rest of the verdict."""
+        return bias_outcome(test, reference, self.tolerance, fail_level=self.looks.level(look, self.fail_level),
                             pass_level=self.looks.level(look, self.pass_level))

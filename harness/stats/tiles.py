@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -100,6 +101,19 @@ class TileSamples:
         sums = _grouped(self.means * pixels, factor)
         means = sums / _grouped(pixels[None], factor)
         return TileSamples(means, self.samples, tile, self.height, self.width)
+
+
+class ImageMoments(NamedTuple):
+    """The moments of one estimate in tiles of the three sizes that a verdict looks at."""
+
+    whole: TileMoments
+    coarse: TileMoments
+    fine: TileMoments
+
+    @classmethod
+    def of(cls, samples: TileSamples) -> ImageMoments:
+        """Those of all batches of an estimate in the smaller tiles."""
+        return cls(samples.whole().moments(), samples.coarser(COARSER).moments(), samples.moments())
 
 
 class TileAccumulator:

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.stats.deviates import Z_LIMIT, critical_deviate, one_sided, skew_deviate, skew_interval
+from harness.stats.deviates import (
+    Z_LIMIT,
+    all_exceed,
+    critical_deviate,
+    largest_deviate,
+    one_sided,
+    skew_deviate,
+    skew_interval,
+)
 
 
 def deviate(difference: float, variance: float, third: float, dof: float) -> float:
@@ -57,3 +65,29 @@ def test_interval_ends_where_the_deviate_is_critical(g: float, dof: float) -> No
 def test_tail_probability_and_critical_value_are_inverse() -> None:
     for level in (0.3, 1e-3, 1e-12):
         assert one_sided(critical_deviate(level)) == pytest.approx(level)
+
+
+class TestOfMany:
+    """The shortcuts that spare the tail probabilities of most."""
+
+    @pytest.fixture
+    def cells(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Student's t of a thousand cells, and their degrees of freedom."""
+        return rng.standard_t(8, 1000) + 1.0, rng.uniform(5, 60, 1000)
+
+    def deviates(self, t: np.ndarray, dof: np.ndarray) -> np.ndarray:
+        return np.array(stats.norm.isf(stats.t.sf(t, dof)))
+
+    def test_the_largest_deviate_is_not_that_of_the_largest_t(self, cells: tuple[np.ndarray, np.ndarray]) -> None:
+        assert largest_deviate(*cells) == pytest.approx(self.deviates(*cells).max())
+        pair = np.array([3.2, 3.0]), np.array([5.0, math.inf])
+        assert largest_deviate(*pair) == pytest.approx(3.0)
+        assert largest_deviate(np.array([-1.0, math.nan]), np.array([9.0, 9.0])) == 0.0
+
+    def test_all_exceed_up_to_the_smallest_and_no_further(self, cells: tuple[np.ndarray, np.ndarray]) -> None:
+        t, dof = cells[0] - cells[0].min() + 2.0, cells[1]
+        smallest = float(self.deviates(t, dof).min())
+        assert all_exceed(t, dof, smallest - 1e-6)
+        assert not all_exceed(t, dof, smallest + 1e-6)
+        assert not all_exceed(np.append(t, math.nan), np.append(dof, 9.0), 0.1)
+        assert all_exceed(np.array([2.0]), np.array([math.inf]), 1.96)

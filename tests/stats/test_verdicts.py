@@ -9,8 +9,16 @@ from scipy import stats
 from harness.errors import HarnessError
 from harness.stats.levels import Looks, family_level
 from harness.stats.sequential import Sequence
-from harness.stats.tiles import TileAccumulator, TileSamples
-from harness.stats.verdicts import TESTS, TileVerdict, Tolerance, bias_verdict, tile_verdict
+from harness.stats.tiles import ImageMoments, TileAccumulator, TileSamples
+from harness.stats.verdicts import (
+    TESTS,
+    TileVerdict,
+    Tolerance,
+    bias_outcome,
+    bias_p_values,
+    bias_verdict,
+    tile_verdict,
+)
 
 SHAPE = (64, 80)
 TILE = 16
@@ -216,3 +224,29 @@ class TestSequence:
         assert outcomes(0.3)[0] == "fail"
         small = outcomes(0.014)
         assert small[0] == "inconclusive" and small[-1] == "fail"
+
+    def test_the_outcome_alone_is_the_verdicts(self, rng: np.random.Generator) -> None:
+        """From moments, for every outcome, values that are not finite and variances that are not known among them."""
+        sequence = Sequence(Looks((64, 128)), Tolerance(0.01, 0.05, 0.1))
+        broken, single = ones(), noisy(rng, ones(), batches=1)
+        broken[3, 3] = np.nan
+        pairs = [(noisy(rng, (1 + bias) * ones(), sigma), reference) for bias in (0.0, 0.008, 0.02, -0.1)
+                 for sigma in (0.02, 0.1, 0.5) for reference in (exact(ones()), noisy(rng, ones(), 0.05))]
+        pairs += [(noisy(rng, broken), exact(ones())), (noisy(rng, ones()), exact(broken)), (single, exact(ones()))]
+        outcomes = set()
+        for test, reference in pairs:
+            whole = sequence.decide(1, test, reference)
+            moments = ImageMoments.of(test), ImageMoments.of(reference)
+            assert sequence.outcome(1, *moments) == whole.outcome
+            assert bias_p_values(*moments, sequence.tolerance) == (whole.mean.p, whole.coarse.p, whole.fine.p)
+            assert bias_outcome(*moments, sequence.tolerance, fail_level=0.01, pass_level=0.05) == (
+                bias_verdict(test, reference, sequence.tolerance).outcome)
+            outcomes.add(whole.outcome)
+        assert outcomes == {"pass", "fail", "inconclusive"}
+
+    def test_the_outcome_follows_from_each_cell(self, rng: np.random.Generator) -> None:
+        """Decided without the cells' maps, it is what these show: intervals within the tolerance, or one outside."""
+        for sigma in (0.02, 0.06, 0.09, 0.12, 0.3):
+            found = tile_verdict(noisy(rng, ones(), sigma, batches=64), exact(ones()), 0.05)
+            inside = ((found.low >= -0.05) & (found.high <= 0.05)).all()
+            assert found.outcome == ("pass" if inside else "inconclusive")
