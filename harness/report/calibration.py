@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from harness.report import formats
 from harness.report.calibration_figure import calibration_svg
 from harness.report.content import CalibrationChapter, Cell, Column, CurveFigure, Mark, Remark, Table
-from harness.stats.calibration import SUBJECTS, Calibration, FalseAlarms, Power, Rate, by_case
+from harness.report.suite import suite_section
+from harness.stats.calibration import SUBJECTS, Calibration, FalseAlarms, Power, by_case
+from harness.stats.rates import Rate
 
 TITLE, ANCHOR = "How far the verdicts can be trusted", "calibration"
 FIGURE_FILE = "calibration-power.svg"
@@ -41,7 +43,8 @@ def calibration_chapter(calibration: Calibration | None) -> tuple[CalibrationCha
         "seen directly, dashed of the square. Bands are 95 % binomial intervals.")
     chapter = CalibrationChapter(
         TITLE, ANCHOR, introduction, _remarks(calibration), _table(calibration),
-        CurveFigure(caption, FIGURE_FILE, "Shares of comparisons that passed, and that failed, against the gain"))
+        CurveFigure(caption, FIGURE_FILE, "Shares of comparisons that passed, and that failed, against the gain"),
+        suite_section(calibration.suite))
     return chapter, {FIGURE_FILE: svg}
 
 

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from harness.report.style import RC
-from harness.stats.calibration import Power, Rate
+from harness.stats.calibration import Power
+from harness.stats.rates import Rate
 
 _CM = 1 / 2.54
 WIDTH_CM, HEIGHT_CM = 17.0, 5.5

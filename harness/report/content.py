@@ -161,8 +161,18 @@ class Exhibits:
 
 
 @dataclass(frozen=True)
+class SuiteSection:
+    """What is known of the gates' own errors: words, and each gate's rates and power as a table."""
+
+    title: str
+    introduction: str
+    remarks: tuple[Remark, ...]
+    gates: Table
+
+
+@dataclass(frozen=True)
 class CalibrationChapter:
-    """What is known of the verdicts' own errors: words, false alarms as a table, power as a figure."""
+    """What is known of the verdicts' own errors: words, in a table and a figure, and of the gates'."""
 
     title: str
     anchor: str
@@ -170,6 +180,7 @@ class CalibrationChapter:
     remarks: tuple[Remark, ...]
     alarms: Table
     power: CurveFigure
+    suite: SuiteSection
 
 
 @dataclass(frozen=True)

@@ -159,7 +159,9 @@ def _exhibit(section: ExhibitSection, assets: dict[str, bytes]) -> str:
 def _calibration(chapter: CalibrationChapter, assets: dict[str, bytes]) -> str:
     return "\n".join((f'<h2 id="{chapter.anchor}">{escape(chapter.title)}</h2>',
                       f"<p>{_text(chapter.introduction)}</p>", _remarks(chapter.remarks), _table(chapter.alarms),
-                      _curves(chapter.power, assets, chapter.anchor)))
+                      _curves(chapter.power, assets, chapter.anchor), f"<h3>{escape(chapter.suite.title)}</h3>",
+                      f"<p>{_text(chapter.suite.introduction)}</p>", _remarks(chapter.suite.remarks),
+                      _table(chapter.suite.gates)))
 
 
 def _mutants(chapter: MutantsChapter) -> str:

@@ -7,18 +7,18 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy import special
 
 from harness.stats import sequential
 from harness.stats.bias import Outcome
 from harness.stats.levels import Looks, family_level
+from harness.stats.rates import Rate, Where
+from harness.stats.suites import SuiteRates
 from harness.stats.synthetic import with_gain
-from harness.stats.tiles import PATCH, TileSamples
-from harness.stats.verdicts import TESTS, Tolerance, bias_verdict
+from harness.stats.tiles import PATCH, ImageMoments, TileSamples
+from harness.stats.verdicts import TESTS, Tolerance, bias_p_values
 
 # Test and reference of one comparison.
 Pair = tuple[TileSamples, TileSamples]
-Where = Literal["everywhere", "patch"]
 
 # The rates that the tests are asked for when their false alarms are counted; the last is what a suite asks of a gate.
 LEVELS = (0.05, 0.01, 0.001)
@@ -28,26 +28,6 @@ PATCH_GAINS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 # The tests of a verdict, the verdict on all samples, and the one that looks as they grow.
 SUBJECTS = ("image", "larger tiles", "smaller tiles", "verdict", "verdict with looks")
 NO_TOLERANCE = Tolerance(0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Rate:
-    """So many hits in so many independent trials."""
-
-    hits: int
-    trials: int
-
-    @property
-    def value(self) -> float:
-        """Hits over trials."""
-        return self.hits / self.trials
-
-    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """The exact binomial interval (Clopper and Pearson 1934)."""
-        tail = (1 - confidence) / 2
-        low = special.betaincinv(self.hits, self.trials - self.hits + 1, tail) if self.hits else 0.0
-        high = special.betaincinv(self.hits + 1, self.trials - self.hits, 1 - tail) if self.hits < self.trials else 1.0
-        return float(low), float(high)
 
 
 @dataclass(frozen=True)
@@ -92,11 +72,15 @@ class Power:
 
 @dataclass(frozen=True)
 class Calibration:
-    """All that was measured. `cases`: name -> what the pairs are; `facts`: versions and settings, all strings."""
+    """All that was measured. `cases`: name -> what the pairs are; `facts`: versions and settings, all strings.
+
+    `alarms` and `powers` are of verdicts on pairs of estimates, `suite` of the gates of a file as they stand.
+    """
 
     cases: dict[str, str]
     alarms: tuple[FalseAlarms, ...]
     powers: tuple[Power, ...]
+    suite: SuiteRates
     facts: dict[str, str]
 
 
@@ -105,7 +89,8 @@ def false_alarms(case: str, pairs: Iterable[Pair], looks: Looks) -> list[FalseAl
 
     Without tolerance: the verdicts' own tolerances could only hide an error of the level.
     """
-    p = np.array([[_p_values(_until(pair, looks, look)) for look in range(len(looks.samples))] for pair in pairs])
+    p = np.array([[bias_p_values(ours, theirs, NO_TOLERANCE) for ours, theirs in zip(
+        _at_looks(test, looks), _at_looks(reference, looks), strict=True)] for test, reference in pairs])
     return [FalseAlarms(case, subject, level, int(np.sum(alarm)), len(p))
             for level in LEVELS for subject, alarm in zip(SUBJECTS, _alarms(p, looks, level), strict=True)]
 
@@ -136,10 +121,12 @@ def power(case: str, pairs: Sequence[Pair], plan: sequential.Sequence, rng: np.r
                for test, _ in pairs]
     whole: list[tuple[int, int, int] | None] = [None] * len(pairs)
 
+    references = [_at_looks(reference, plan.looks) for _, reference in pairs]
+
     def measured(where: Where, gain: float) -> Power:
         places, tolerance = (patches, plan.tolerance.fine) if where == "patch" else (whole, plan.tolerance.mean)
-        ended = [_ended(plan, (with_gain(test, gain, place), reference))
-                 for (test, reference), place in zip(pairs, places, strict=True)]
+        ended = [_ended(plan, with_gain(test, gain, place), reference)
+                 for (test, _), reference, place in zip(pairs, references, places, strict=True)]
         outcomes = [outcome for outcome, _ in ended]
         return Power(case, where, gain, tolerance, outcomes.count("fail"), outcomes.count("pass"), len(pairs),
                      float(np.mean([share for _, share in ended])))
@@ -148,25 +135,23 @@ def power(case: str, pairs: Sequence[Pair], plan: sequential.Sequence, rng: np.r
             *(measured("patch", gain) for gain in PATCH_GAINS)]
 
 
-def _ended(plan: sequential.Sequence, pair: Pair) -> tuple[Outcome, float]:
+def _ended(plan: sequential.Sequence, test: TileSamples, reference: Sequence[ImageMoments]) -> tuple[Outcome, float]:
     """The outcome of a sequence of looks, and the share of its budget at which it came."""
     budget = plan.looks.samples[-1]
     for look, samples in enumerate(plan.looks.samples):
-        outcome = plan.decide(look, *_until(pair, plan.looks, look)).outcome
+        outcome = plan.outcome(look, ImageMoments.of(_until(test, plan.looks, look)), reference[look])
         if outcome != "inconclusive" or samples == budget:
             return outcome, samples / budget
     raise AssertionError("the last look is at the budget")
 
 
-def _until(pair: Pair, looks: Looks, look: int) -> Pair:
+def _at_looks(samples: TileSamples, looks: Looks) -> list[ImageMoments]:
+    return [ImageMoments.of(_until(samples, looks, look)) for look in range(len(looks.samples))]
+
+
+def _until(samples: TileSamples, looks: Looks, look: int) -> TileSamples:
     """The batches that have been drawn at a look."""
-    test, reference = (side.first(round(len(side.samples) * looks.samples[look] / looks.samples[-1])) for side in pair)
-    return test, reference
-
-
-def _p_values(pair: Pair) -> tuple[float, float, float]:
-    verdict = bias_verdict(*pair, NO_TOLERANCE)
-    return verdict.mean.p, verdict.coarse.p, verdict.fine.p
+    return samples.first(round(len(samples.samples) * looks.samples[look] / looks.samples[-1]))
 
 
 def _alarms(p: np.ndarray, looks: Looks, level: float) -> list[np.ndarray]:

@@ -11,7 +11,8 @@ import pytest
 
 from harness.report import build_report
 from harness.report.calibration import FIGURE_FILE, calibration_chapter
-from harness.report.content import CalibrationChapter
+from harness.report.content import CalibrationChapter, SuiteSection
+from harness.report.suite import suite_section
 from harness.results import StudyResult
 from harness.stats.calibration import SUBJECTS
 from tests.made_calibration import calibration
@@ -58,10 +59,40 @@ def test_the_figure_holds_both_outcomes_and_every_case_without_tolerance() -> No
     assert assets == calibration_chapter(calibration())[1], "the same bytes again"
 
 
+class TestSuite:
+    """The section on the gates themselves."""
+
+    def section(self, failed: int = 2) -> SuiteSection:
+        return suite_section(calibration(failed=failed).suite)
+
+    def test_every_gate_has_its_rates_and_its_power(self) -> None:
+        sharp, blind = self.section().gates.rows
+        assert [cell.text.replace("\xa0", " ") for cell in sharp] == [
+            "sharp", "0.2", "0.0", "25", *["100 / 40"] * 4, "0.15 %", "4.5 %"]
+        assert [cell.text.replace("\xa0", " ") for cell in blind] == [
+            "blind", "0.0", "1.0", "75", *["10 / 0"] * 4, "0.50 %", "–"]
+        assert len(self.section().gates.columns) == len(sharp)
+
+    def test_what_keeps_the_promise_and_what_is_flaky_is_marked(self) -> None:
+        sharp, blind = self.section().gates.rows
+        assert [cell.mark for cell in sharp] == [*[""] * 8, "pass", "pass"]
+        assert [cell.mark for cell in blind] == ["", "", "warning", *[""] * 7]
+
+    @pytest.mark.parametrize(("failed", "mark"), [(2, "pass"), (30, "fail")])
+    def test_false_alarms_are_told_and_judged(self, failed: int, mark: str) -> None:
+        alarms, red, flaky, everywhere, patch = self.section(failed).remarks
+        assert alarms.mark == mark and f"in {failed}\xa0runs of 1,000 one of the 2\xa0gates failed" in alarms.text
+        assert red.mark == "warning" and f"in {failed + 10}\xa0runs of 1,000" in red.text
+        assert flaky.text.endswith("wider tolerances: blind (1.0\xa0%).")
+        assert "0.2\xa0% of everything is sure to be noticed by 1 of 2\xa0gates: sharp." in everywhere.text
+        assert "5\xa0% in 1 % of the image is sure to be noticed by 1 of 2\xa0gates: sharp." in patch.text
+
+
 def test_it_stands_in_the_pdf_and_the_page(exact: StudyResult, tmp_path: Path) -> None:
     build_report([exact], tmp_path, profile="quick", calibration=calibration())
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert '<h2 id="calibration">How far the verdicts can be trusted</h2>' in page
+    assert "<h3>The gates themselves</h3>" in page and "wider tolerances: blind" in page
     assert "5.0\xa0[2.8,\xa08.1]" in page and "normal, to a decision" in page
     held = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))["calibration"]
     assert held["alarms"]["caption"] == dataclasses.asdict(chapter())["alarms"]["caption"]

@@ -13,13 +13,13 @@ from harness.stats.calibration import (
     SUBJECTS,
     FalseAlarms,
     Pair,
-    Rate,
     _alarms,
     false_alarms,
     power,
     together,
 )
 from harness.stats.levels import Looks
+from harness.stats.rates import Rate
 from harness.stats.sequential import Sequence
 from harness.stats.synthetic import NOISES, Plan, draw, with_gain
 from harness.stats.tiles import TileSamples

@@ -1,24 +1,17 @@
-"""The calibration: how often verdicts err on made-up estimators and on renders, with light tails and heavy ones."""
+"""How often verdicts err on pairs of estimates: made-up estimators and renders, with light tails and heavy ones."""
 
 from __future__ import annotations
 
-import json
-import time
 from collections.abc import Iterator
-from dataclasses import asdict, fields
-from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 
-from harness.errors import StoreError
 from harness.estimate import with_luminance
-from harness.files import data_dir, write_atomically
-from harness.runs import Advance, Progress, quiet, versions
+from harness.files import data_dir
+from harness.runs import Advance, Progress, quiet
 from harness.scene import load_scene
 from harness.stats.calibration import (
     NO_TOLERANCE,
-    Calibration,
     FalseAlarms,
     Pair,
     Power,
@@ -50,15 +43,15 @@ RENDERED = (("diffuse", "uniform", "cosine"), ("spheres", "uniform", "mixture"),
 SYNTHETIC = (("normal", "normal"), ("fireflies", "normal"), ("fireflies", "fireflies"), ("lognormal", "normal"),
              ("lognormal", "lognormal"))
 
-Row = TypeVar("Row", FalseAlarms, Power)
+Measured = tuple[dict[str, str], tuple[FalseAlarms, ...], tuple[Power, ...]]
 
 
-def calibrate(comparisons: int = 300, progress: Progress = quiet) -> Calibration:
+def compare(comparisons: int, progress: Progress = quiet) -> Measured:
     """Measure false alarms over so many independent null comparisons of each case, and power over a fifth of them.
 
     The tracer renders both sides of `RENDERED` anew, with two strategies that have the same mean if both are right.
+    Returns cases, false alarms and power as `stats.calibration.Calibration` has them.
     """
-    began = time.perf_counter()
     cases: dict[str, str] = {}
     alarms: list[FalseAlarms] = []
     powers: list[Power] = []
@@ -83,9 +76,7 @@ def calibrate(comparisons: int = 300, progress: Progress = quiet) -> Calibration
         held = list(synthetic_pairs("normal", "normal", DECIDING_SPP, _subset(comparisons), len(SYNTHETIC)))
         powers += power(case, held, Sequence(deciding), np.random.default_rng(1))
         advance(2 * comparisons)
-    facts = {**versions(), "comparisons of each case": str(comparisons), "image size": f"{SIDE} x {SIDE}",
-             "batches of each estimate": str(BATCHES), "seconds": f"{time.perf_counter() - began:.0f}"}
-    return Calibration(cases, (*alarms, *together(alarms, ALL)), tuple(powers), facts)
+    return cases, (*alarms, *together(alarms, ALL)), tuple(powers)
 
 
 def synthetic_pairs(ours: str, theirs: str, spp: int, comparisons: int, seed: int,
@@ -110,30 +101,6 @@ def rendered_pairs(name: str, ours: str, theirs: str, comparisons: int,
     finally:
         for renderer in renderers:
             renderer.release()
-
-
-def save(calibration: Calibration, path: Path) -> None:
-    """Write the calibration as JSON, for the report. StoreError when that cannot be written."""
-    with write_atomically(path) as partial:
-        partial.write_text(json.dumps(asdict(calibration), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-
-
-def load(path: Path) -> Calibration:
-    """The calibration that `save` wrote; StoreError where the file is not one."""
-    try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-        return Calibration(
-            {str(name): str(text) for name, text in held["cases"].items()},
-            tuple(_row(FalseAlarms, row) for row in held["alarms"]), tuple(_row(Power, row) for row in held["powers"]),
-            {str(name): str(text) for name, text in held["facts"].items()})
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise StoreError(f"{path}: not a calibration ({type(error).__name__}: {error}); run `harness calibrate` again"
-                         ) from None
-
-
-def _row(kind: type[Row], held: dict[str, Any]) -> Row:
-    types = {"str": str, "int": int, "float": float, "Where": str}
-    return kind(**{field.name: types[str(field.type)](held[field.name]) for field in fields(kind)})
 
 
 def _estimate(renderer: TracerRenderer, first: int) -> TileSamples:
