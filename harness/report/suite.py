@@ -19,8 +19,9 @@ def suite_section(suite: SuiteRates) -> SuiteSection:
         "the tracer and Mitsuba rendered for every gate, and is then judged by the gates' own code, look after look. "
         "The banks of both sides are moved such that they have the same mean in every tile: all renders are good, "
         "whether the tracer is or not, and every alarm is false. Gates of one scene share their reference, and all "
-        "share random numbers, as they do in a real run. What is rarer than once in a bank, which is two budgets of "
-        "the tracer's samples and one of Mitsuba's, no simulated run can show.")
+        "share random numbers, as they do in a real run. A bank is two budgets of the tracer's replicas and one of "
+        "Mitsuba's: what is rarer no simulated run can show, and a bright sample that a bank holds once counts as one "
+        "that comes so often, be it luck or not.")
     return SuiteSection(TITLE, introduction, _remarks(suite), _table(suite))
 
 
