@@ -17,9 +17,8 @@ import numpy as np
 from harness.gates import Gate, GatesFile, References
 from harness.gates.budget import too_small
 from harness.gates.model import MitsubaReference
-from harness.gates.references import Run
 from harness.gates.runner import check_gate, tracer
-from harness.runs import Progress, quiet
+from harness.runs import Progress, Run, quiet
 from harness.stats.bias import Outcome
 from harness.stats.rates import Where
 from harness.stats.resampling import Patch, centred, draws, resampled, shaded_patches
