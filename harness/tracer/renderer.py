@@ -174,11 +174,12 @@ class TracerRenderer:
             bottom += rows
 
     def _timed_draw(self, gl: moderngl.Context, work: int) -> None:
-        began = time.perf_counter()
+        began, busy = time.perf_counter(), time.process_time()
         self._program.draw()
         gl.finish()
-        seconds = time.perf_counter() - began
-        if self._compiled and seconds > max(STUCK_SECONDS, work / STUCK_RATE):
+        seconds, busy = time.perf_counter() - began, time.process_time() - busy
+        # Of a process that was stopped for a while (Ctrl-Z, a laptop asleep) the clock alone tells nothing.
+        if self._compiled and min(seconds, busy) > max(STUCK_SECONDS, work / STUCK_RATE):
             raise ShaderError(f"{self.source.files[0][0]}: {work} samples took {seconds:.1f} s, as with a loop without "
                               "end; give each loop a bound that ends it")
         self._compiled = True

@@ -179,14 +179,33 @@ def test_alpha_is_believed_where_it_can_be_a_number_of_samples(written: str) -> 
     assert np.isfinite(batch.mean).all()
 
 
-def test_a_loop_without_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draws that take seconds for a few samples, from the second on: the first compiles, which may take as long."""
+def stuck(monkeypatch: pytest.MonkeyPatch, *clocks: str) -> TracerRenderer:
+    """A renderer that has compiled, and for which these clocks then run three seconds at every look."""
     renderer = TracerRenderer(sky(), "cosine")
-    seconds = iter(range(0, 1000, 3))
-    monkeypatch.setattr(renderer_module.time, "perf_counter", lambda: next(seconds))
     renderer.render_batch(0, 0, 1)
-    with pytest.raises(ShaderError, match=r"^path_tracer\.frag: 16 samples took 3\.0 s, as with a loop without end; "):
+    seconds = iter(range(0, 1000, 3))
+    for clock in clocks:
+        monkeypatch.setattr(renderer_module.time, clock, lambda: next(seconds))
+    return renderer
+
+
+def test_a_loop_without_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draws that take seconds of work for a few samples."""
+    renderer = stuck(monkeypatch, "perf_counter", "process_time")
+    with pytest.raises(ShaderError, match=r"^path_tracer\.frag: \d+ samples took \d\.0 s, as with a loop without end; "):
         renderer.render_batch(1, 0, 1)
+
+
+def test_a_process_that_was_stopped_is_not_blamed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-Z in the midst of a draw: the clock goes on, the work does not."""
+    stuck(monkeypatch, "perf_counter").render_batch(1, 0, 1)
+
+
+def test_a_first_draw_may_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It compiles."""
+    renderer = stuck(monkeypatch, "perf_counter", "process_time")
+    renderer._compiled = False
+    renderer.render_batch(1, 0, 1)
 
 
 def test_a_shader_that_does_not_compile_is_refused() -> None:
