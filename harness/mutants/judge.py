@@ -53,16 +53,17 @@ class _Prepared:
 class Judge:
     """The gates of one process, and what they share between mutants: scenes, references, what the right shader draws.
 
-    `modules`: test modules by name, which are gates as well.
+    `modules`: test modules by name, which are gates as well. `marks`: a folder in which processes tell each other which
+    gates pass with the right shader.
     """
 
-    def __init__(self, gates: Sequence[Gate], modules: Mapping[str, Path], store: Path | None) -> None:
+    def __init__(self, gates: Sequence[Gate], modules: Mapping[str, Path], store: Path | None, marks: Path) -> None:
         self._gates = {gate.name: gate for gate in gates}
         self._modules = modules
         self._references = References(Store(store) if store else None)
         self._right = data_dir("glsl")
         self._prepared: dict[str, _Prepared] = {}
-        self._sound: set[str] = set()
+        self._marks = {gate.name: marks / f"sound-{number}" for number, gate in enumerate(gates)}
 
     def check_gate(self, name: str) -> str:
         """What is wrong with a gate while the shader is right, at a glance; empty if nothing. Renders its reference."""
@@ -80,9 +81,9 @@ class Judge:
     def judge(self, mutant: Mutant, shaders: Path) -> dict[str, State]:
         """What every gate says of the shaders in the folder `shaders`, which are ours but for `mutant`.
 
-        Every image gate glances; while none has killed the mutant, they take all their looks, first of all the one that
-        should. A test module runs where the mutant names it. HarnessError where the mutant does not compile, and where
-        a gate does not pass with the shader as it is.
+        Every image gate glances. The one that should kill the mutant then takes all its looks, if a glance is not
+        enough, and so do the others while none has killed it. A test module runs where the mutant names it.
+        HarnessError where the mutant does not compile, and where a gate does not pass with the shader as it is.
         """
         prepared = [self._prepare(gate) for gate in self._gates.values()]
         states: dict[str, State] = {}
@@ -96,7 +97,7 @@ class Judge:
                 states[mutant.killer] = self._run_module(mutant.killer)
             touched = [gate for name, gate in self._gates.items() if states[name] == "survived"]
             for gate in sorted(touched, key=lambda gate: gate.name != mutant.killer):
-                if "killed" in states.values():
+                if gate.name != mutant.killer and "killed" in states.values():
                     break
                 self._require_sound(gate)
                 states[gate.name] = "survived" if self._passes(gate) else "killed"
@@ -119,11 +120,11 @@ class Judge:
 
     def _require_sound(self, gate: Gate) -> None:
         """A gate that does not pass with the right shader kills everything, and so tells nothing."""
-        if gate.name not in self._sound:
+        if not self._marks[gate.name].exists():
             with shaders_from(self._right):
                 if not self._passes(gate):
                     raise HarnessError(_unsound(gate))
-            self._sound.add(gate.name)
+            self._marks[gate.name].touch()
 
     def _passes(self, gate: Gate) -> bool:
         """Whether the gate passes; a variance so large that its budget cannot decide is no pass."""

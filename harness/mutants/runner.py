@@ -59,7 +59,7 @@ def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
     checks = [*_by_scene(load_gates(gates.file).gates), *([module] for module in needed)]
     rows: list[tuple[State, ...]] = []
     with (tempfile.TemporaryDirectory(prefix="mutants-") as folder, progress(len(checks) + len(mutants), "mutants")
-          as advance, _workers(gates, store, jobs) as pool):
+          as advance, _workers(gates, store, Path(folder), jobs) as pool):
         for problem in pool.map(_check, checks):
             if problem:
                 raise HarnessError(problem)
@@ -83,22 +83,22 @@ _here: Judge | None = None
 
 
 @contextlib.contextmanager
-def _workers(gates: Gates, store: Path | None, jobs: int) -> Iterator[ProcessPoolExecutor]:
+def _workers(gates: Gates, store: Path | None, folder: Path, jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Processes that hold the gates; started afresh, since a forked process cannot use its parent's GL context."""
     pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_start,
-                               initargs=(gates, store))
+                               initargs=(gates, store, folder))
     try:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _start(gates: Gates, store: Path | None) -> None:
+def _start(gates: Gates, store: Path | None, folder: Path) -> None:
     global _here
     # Mutants are compiled far more often than they are drawn. Mesa's llvmpipe compiles twice as fast without LLVM's
     # optimisations, to the same bits, and draws 2 to 12 % slower, ray marching 80 %. It reads this when GL starts.
     os.environ.setdefault("GALLIVM_PERF", "nopt")
-    _here = Judge(load_gates(gates.file).gates, {module.stem: module for module in gates.modules}, store)
+    _here = Judge(load_gates(gates.file).gates, {module.stem: module for module in gates.modules}, store, folder)
 
 
 def _check(names: Sequence[str]) -> str:

@@ -192,7 +192,7 @@ def stuck(monkeypatch: pytest.MonkeyPatch, *clocks: str) -> TracerRenderer:
 def test_a_loop_without_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draws that take seconds of work for a few samples."""
     renderer = stuck(monkeypatch, "perf_counter", "process_time")
-    with pytest.raises(ShaderError, match=r"^path_tracer\.frag: \d+ samples took \d\.0 s, as with a loop without end; "):
+    with pytest.raises(ShaderError, match=r"^path_tracer\.frag: \d+ samples took \d\.0 s, as with a loop "):
         renderer.render_batch(1, 0, 1)
 
 
