@@ -28,8 +28,9 @@ def mutants_chapter(matrix: Mapping[str, Any] | None) -> MutantsChapter | None:
             f"{formats.plural(len(mutants), 'one-line defect')} of the shader, each with where it was seen: in the "
             "handout, in a bug report of a public renderer, or made small on purpose, to measure how small a defect "
             "may be. Each was put into the shader by itself, and the gates were run. A gate that passes tells little; "
-            "that it fails when it should, is what this chapter shows. Image gates compare renders with the reference; "
-            "test modules evaluate one function of the shader library.")
+            "that it fails when it should, is what this chapter shows. Image gates compare renders with the reference: "
+            "all of them at a glance, with a 128th of their budget, and the one that should notice the defect, or all "
+            "if none has yet, with as much as it takes. Test modules evaluate one part of the shader library.")
         return MutantsChapter(TITLE, ANCHOR, introduction, _remarks(matrix, mutants), _gates(ran, mutants),
                               _mutants(gates, mutants))
     except (KeyError, TypeError, AttributeError) as error:
@@ -42,6 +43,9 @@ def _remarks(matrix: Mapping[str, Any], mutants: Sequence[Mapping[str, Any]]) ->
     remarks = [Remark(f"{killed} of {formats.plural(len(mutants), 'mutant')} killed.", "fail" if survivors else "pass")]
     if survivors:
         remarks.append(Remark(f"Not noticed by any gate: {formats.words(survivors)}.", "fail"))
+    if matrix["missed"]:
+        remarks.append(Remark("Killed, but not by the gate that the catalogue expects: "
+                              f"{formats.words(list(matrix['missed']))}.", "warning"))
     if idle:
         remarks.append(Remark(f"Gates that killed nothing: {formats.words(idle)}.", "warning"))
     return tuple(remarks)

@@ -25,6 +25,7 @@ def matrix(**states: tuple[str, str, str]) -> dict[str, Any]:
         "survivors": [name for name, row in rows.items() if "killed" not in row.values()],
         "idle": [gate for gate in gates if not any(row[gate] == "killed" for row in rows.values())
                  and any(row[gate] != "not run" for row in rows.values())],
+        "missed": [name for name, row in rows.items() if "killed" in row.values() and row["probe"] != "killed"],
     }
 
 
@@ -45,6 +46,14 @@ def test_survivors_and_idle_gates_are_named() -> None:
     assert all_die is not None
     assert [remark.mark for remark in all_die.remarks] == ["pass", "warning"]
     assert "image" in all_die.remarks[1].text
+
+
+def test_mutants_that_another_gate_killed_are_named() -> None:
+    chapter = mutants_chapter(matrix(a=("killed", "survived", "not run"), b=("untouched", "killed", "not run")))
+    assert chapter is not None
+    assert [(remark.mark, remark.text) for remark in chapter.remarks] == [
+        ("pass", f"2 of 2{formats.NBSP}mutants killed."),
+        ("warning", "Killed, but not by the gate that the catalogue expects: a.")]
 
 
 def test_gates_are_counted_and_those_that_did_not_run_left_out() -> None:
