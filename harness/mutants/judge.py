@@ -28,7 +28,7 @@ from harness.tracer.renderer import TracerRenderer
 from harness.tracer.source import assemble
 
 # A gate glances before it looks, at this part of the samples of its first look: enough for most defects.
-GLANCE_SHARE = 32
+GLANCE_SHARE = 64
 
 # pytest's status where the tests ran and one failed, and where all passed.
 TESTS_FAILED, TESTS_PASSED = 1, 0

@@ -1,4 +1,4 @@
-"""What a sample of the whole tracer draws: its place in the pixel and its moment, read off a wall that tells them.
+"""What a sample of the whole tracer draws: place in the pixel, moment, lens point, read off a wall that tells them.
 
 Probes evaluate functions; whether `trace_samples` gives them the right random numbers shows in samples alone.
 """
@@ -26,9 +26,9 @@ LEVEL = 1e-3  # of a test that holds; what it is there for fails far below
 def wall(mi: Any, scene: SceneWriter, tmp_path: Path) -> Any:
     """Writes a scene of a glowing wall, as wide as two films and parallel to the film, that moves by `motion`.
 
-    Its red is u and its green v of the point that a ray meets; x grows to the left, as in Mitsuba's camera.
+    Its red is u and its green v of the point that a ray meets. `sensor`: the camera's plugin, and properties of it.
     """
-    def write(motion: str = "") -> Scene:
+    def write(motion: str = "", sensor: tuple[str, str] = ("perspective", "")) -> Scene:
         ramp = (np.arange(TEXELS, dtype=np.float32) + 0.5) / TEXELS
         texels = np.stack([*np.meshgrid(ramp, ramp[::-1]), np.ones((TEXELS, TEXELS), np.float32)], axis=-1)
         mi.Bitmap(texels).write(str(tmp_path / "ramp.exr"))
@@ -38,9 +38,10 @@ def wall(mi: Any, scene: SceneWriter, tmp_path: Path) -> Any:
             <translate z="1"/></transform>{moves}<emitter type="area"><texture name="radiance" type="bitmap">
             <string name="filename" value="ramp.exr"/><boolean name="raw" value="true"/>
             <string name="filter_type" value="nearest"/></texture></emitter></shape>""",
-            sensor=f"""<sensor type="perspective"><float name="fov" value="90"/><float name="shutter_open" value="0"/>
-            <float name="shutter_close" value="1"/><film type="hdrfilm"><integer name="width" value="{PIXELS}"/>
-            <integer name="height" value="{PIXELS}"/><rfilter type="box"/></film></sensor>""")
+            sensor=f"""<sensor type="{sensor[0]}">{sensor[1]}<float name="fov" value="90"/>
+            <float name="shutter_open" value="0"/><float name="shutter_close" value="1"/><film type="hdrfilm">
+            <integer name="width" value="{PIXELS}"/><integer name="height" value="{PIXELS}"/><rfilter type="box"/></film>
+            </sensor>""")
     return write
 
 
@@ -85,3 +86,22 @@ def test_the_moment_does_not_follow_the_place(wall: Any) -> None:
     table = np.zeros((8, 8), int)
     np.add.at(table, (across.ravel(), np.clip((along * 8).astype(int), 0, 7).ravel()), 1)
     assert stats.chi2_contingency(table).pvalue > LEVEL
+
+
+def test_the_lens_point_is_even_and_does_not_follow_the_place(wall: Any) -> None:
+    """A wall out of focus: places shifted by lens points, as NumPy draws them. Kolmogorov and Smirnov, two samples.
+
+    Of a disk of half a pixel's radius, so that either share of the sum shows; both coordinates, and both diagonals,
+    which tell points on a curve from a disk.
+    """
+    radius, focus = 2 / PIXELS, 2.0  # the wall, at distance 1, is as wide as two films; half of the radius is left
+    lens = f'<float name="aperture_radius" value="{radius}"/><float name="focus_distance" value="{focus}"/>'
+    rows, columns = np.indices((PIXELS, PIXELS))
+    found = (samples(wall(sensor=("thinlens", lens))) - np.stack([columns, rows], axis=-1)).reshape(-1, 2)
+    rng = np.random.default_rng(1)
+    place, (r2, turn) = rng.random((len(found), 2)), rng.random((2, len(found)))
+    disk = np.sqrt(r2)[:, None] * np.stack([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)], axis=-1)
+    expected = place + 0.5 * disk
+    expected = (np.floor(expected * TEXELS / PIXELS / 2) + 0.5) * 2 * PIXELS / TEXELS
+    for axis in ([1, 0], [0, 1], [1, 1], [1, -1]):
+        assert stats.ks_2samp(found @ axis, expected @ axis).pvalue > LEVEL
