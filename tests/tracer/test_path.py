@@ -40,8 +40,8 @@ def wall(mi: Any, scene: SceneWriter, tmp_path: Path) -> Any:
             <string name="filter_type" value="nearest"/></texture></emitter></shape>""",
             sensor=f"""<sensor type="{sensor[0]}">{sensor[1]}<float name="fov" value="90"/>
             <float name="shutter_open" value="0"/><float name="shutter_close" value="1"/><film type="hdrfilm">
-            <integer name="width" value="{PIXELS}"/><integer name="height" value="{PIXELS}"/><rfilter type="box"/></film>
-            </sensor>""")
+            <integer name="width" value="{PIXELS}"/><integer name="height" value="{PIXELS}"/><rfilter type="box"/>
+            </film></sensor>""")
     return write
 
 
