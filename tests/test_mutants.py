@@ -131,10 +131,11 @@ def seeded(**changes: str) -> Mutant:
 
 @pytest.fixture(scope="module")
 def matrix(gates: Gates) -> KillMatrix:
-    """Three that die by different gates, one that no gate of this run can see."""
+    """Three that die by different gates, one only by all its looks, one that is tolerated, one that nothing can see."""
     chosen = [mutant for mutant in CATALOGUE if mutant.id in ("display-gamma", "seed-without-replica")]
     return run_mutants([
-        seeded(), *chosen,
+        seeded(), *chosen, seeded(id="as large as the tolerance", replacement="throughput = vec3(1.02);"),
+        seeded(id="half the tolerance", replacement="throughput = vec3(1.01);"),
         seeded(id="y", file="lib/motion.glsl", replacement="float path_time = 0.0;",
                line="float path_time;  // the moment at which the current path sees the scene")], gates)
 
@@ -149,7 +150,9 @@ class TestRun:
         assert killers["display-gamma"] == ["test_display"]
         # The image gate sees it as well: replicas without variance cannot agree with anything.
         assert killers["seed-without-replica"] == ["convex", "test_random"]
-        assert killers["y"] == []
+        # At a glance it does not fail; but it cannot pass.
+        assert killers["as large as the tolerance"] == ["convex"]
+        assert killers["half the tolerance"] == killers["y"] == []
 
     def test_what_does_not_change_a_pixel_is_told_from_what_survives(self, matrix: KillMatrix) -> None:
         states = {mutant.id: dict(zip(matrix.gates, row, strict=True))
@@ -158,9 +161,9 @@ class TestRun:
         assert states["y"] == {**dict.fromkeys(matrix.gates, "not run"), "convex": "untouched"}
 
     def test_survivors_and_idle_gates_are_named(self, matrix: KillMatrix) -> None:
-        assert [mutant.id for mutant in matrix.survivors] == ["y"]
-        assert matrix.idle == ()
-        assert as_json(matrix)["survivors"] == ["y"]
+        assert [mutant.id for mutant in matrix.survivors] == ["half the tolerance", "y"]
+        assert matrix.idle == matrix.missed == ()
+        assert as_json(matrix)["survivors"] == ["half the tolerance", "y"]
 
     def test_a_mutant_that_does_not_compile_is_an_error(self, gates: Gates) -> None:
         with pytest.raises(HarnessError, match=r"here\.toml:1: mutant 'x' does not compile: lib/path\.glsl:\d+: "):
