@@ -6,7 +6,7 @@ import contextlib
 import io
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from harness.errors import HarnessError, ShaderError
 from harness.estimate import Batch, with_luminance
 from harness.files import data_dir, shaders_from
 from harness.gates import Gate, References
+from harness.gates.model import MitsubaReference
 from harness.gates.runner import check_gate, run_gate
 from harness.gates.shaders import gate_source
 from harness.mutants.catalogue import Mutant
@@ -27,8 +28,10 @@ from harness.tracer.context import Program
 from harness.tracer.renderer import TracerRenderer
 from harness.tracer.source import assemble
 
-# A gate glances before it looks, at this part of the samples of its first look: enough for most defects.
-GLANCE_SHARE = 64
+# A gate glances before it looks: as many replicas as at its first look, of so many samples per pixel, are enough for
+# most defects, and a reference of so many for each of them is far less noisy. One sample would not show what it leaves
+# behind for the next.
+GLANCE_SPP, GLANCE_REFERENCE_SPP = 2, 8
 
 # pytest's status where the tests ran and one failed, and where all passed.
 TESTS_FAILED, TESTS_PASSED = 1, 0
@@ -43,11 +46,6 @@ class _Prepared:
     text: str
     right: Batch
     reference: TileSamples
-
-    @property
-    def spp(self) -> int:
-        """Samples per pixel of each replica at a glance."""
-        return self.right.samples
 
 
 class Judge:
@@ -107,12 +105,12 @@ class Judge:
         """The gate, prepared once a process, with the shader as it is."""
         if gate.name not in self._prepared:
             scene = check_gate(gate)
-            reference = self._references.of(gate, scene)
+            reference = self._references.of(_with_small_reference(gate), scene)
             reference.grow(gate.looks[0])
             source = gate_source(gate, scene)
             made = TracerRenderer(scene, gate.strategy, source)
             try:
-                right = made.render_batch(0, 0, max(1, gate.spp // GLANCE_SHARE))
+                right = made.render_batch(0, 0, GLANCE_SPP)
             finally:
                 made.release()
             self._prepared[gate.name] = _Prepared(gate, scene, source.text, right, reference.tiles(gate.looks[0]))
@@ -154,7 +152,7 @@ def _first_sight(prepared: _Prepared) -> State:
         return "untouched"
     made = TracerRenderer(prepared.scene, prepared.gate.strategy, source)
     try:
-        touched = _differ(made.render_batch(0, 0, prepared.spp), prepared.right)
+        touched = _differ(made.render_batch(0, 0, GLANCE_SPP), prepared.right)
         return _glance(prepared, made) if touched else "untouched"
     finally:
         made.release()
@@ -165,13 +163,20 @@ def _glance(prepared: _Prepared, made: TracerRenderer) -> State:
     gate, batches = prepared.gate, prepared.gate.looks[0]
     tiles, rejected = TileAccumulator(prepared.reference.tile), 0
     for replica in range(batches):
-        batch = made.render_batch(replica, 0, prepared.spp)
+        batch = made.render_batch(replica, 0, GLANCE_SPP)
         tiles.add(with_luminance(batch.mean), batch.samples)
         rejected += batch.rejected
-    if rejected > gate.not_finite * batches * prepared.spp * prepared.scene.width * prepared.scene.height:
+    if rejected > gate.not_finite * batches * GLANCE_SPP * prepared.scene.width * prepared.scene.height:
         return "killed"
     verdict = bias_verdict(tiles.samples(), prepared.reference, gate.tolerance, fail_level=gate.fail_level)
     return "killed" if verdict.outcome == "fail" else "survived"
+
+
+def _with_small_reference(gate: Gate) -> Gate:
+    """The gate, its Mitsuba reference with as few samples as a glance needs."""
+    if not isinstance(gate.reference, MitsubaReference):
+        return gate
+    return replace(gate, reference=MitsubaReference(GLANCE_REFERENCE_SPP))
 
 
 def _differ(found: Batch, right: Batch) -> bool:

@@ -96,8 +96,9 @@ def _workers(gates: Gates, store: Path | None, folder: Path, jobs: int) -> Itera
 def _start(gates: Gates, store: Path | None, folder: Path) -> None:
     global _here
     # Mutants are compiled far more often than they are drawn. Mesa's llvmpipe compiles twice as fast without LLVM's
-    # optimisations, to the same bits, and draws 2 to 12 % slower, ray marching 80 %. It reads this when GL starts.
+    # optimisations, to the same bits, and draws 2 to 12 % slower, ray marching 80 %. It reads these when GL starts.
     os.environ.setdefault("GALLIVM_PERF", "nopt")
+    os.environ.setdefault("LP_NUM_THREADS", "1")  # processes enough
     _here = Judge(load_gates(gates.file).gates, {module.stem: module for module in gates.modules}, store, folder)
 
 
