@@ -169,6 +169,13 @@ class TestRun:
         with pytest.raises(HarnessError, match=r"here\.toml:1: mutant 'x' does not compile: lib/path\.glsl:\d+: "):
             run_mutants([seeded(replacement="throughput = 1.1;")], gates)
 
+    def test_a_gate_that_fails_with_the_right_shader_is_an_error(self, tmp_path: Path) -> None:
+        """It would kill everything."""
+        wrong = GATES.replace("tolerance =", "reference = { value = [2.0, 2.0, 2.0] }\ntolerance =")
+        (tmp_path / "wrong.toml").write_text(wrong, encoding="utf-8")
+        with pytest.raises(HarnessError, match=r"wrong\.toml:\d+: gate 'convex' does not pass with the shader as"):
+            run_mutants([seeded()], Gates.of(tmp_path / "wrong.toml", TESTS))
+
     def test_a_mutant_that_names_no_gate_is_an_error(self, gates: Gates) -> None:
         with pytest.raises(HarnessError, match="mutant 'x' names the gate 'konvex', which does not exist; choose"):
             run_mutants([seeded(killer="konvex")], gates)

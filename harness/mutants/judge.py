@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.errors import HarnessError, ShaderError
+from harness.errors import HarnessError, MachineError, ShaderError, StoreError
 from harness.estimate import Batch, with_luminance
 from harness.files import data_dir, shaders_from
 from harness.gates import Gate, References
@@ -128,6 +128,8 @@ class Judge:
         """Whether the gate passes; a variance so large that its budget cannot decide is no pass."""
         try:
             return run_gate(gate, self._references).outcome == "pass"
+        except (MachineError, StoreError):
+            raise  # a full disk kills no mutant
         except HarnessError:
             return False
 

@@ -47,8 +47,8 @@ def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
     """Run every gate on every mutant, in `jobs` processes; `store` keeps the references between runs.
 
     What is run of each gate: `judge.Judge.judge`. HarnessError when a mutant does not apply, does not compile or names
-    a gate that does not exist, and when a gate does not pass with the shader as it is: a gate that always fails kills
-    everything.
+    a gate that does not exist, and when, with the shader as it is, a test module fails, a gate fails at a glance, or
+    one that takes all its looks does not pass: what always fails kills everything.
     """
     for mutant in mutants:
         if mutant.killer not in gates.names:
@@ -96,7 +96,7 @@ def _workers(gates: Gates, store: Path | None, folder: Path, jobs: int) -> Itera
 def _start(gates: Gates, store: Path | None, folder: Path) -> None:
     global _here
     # Mutants are compiled far more often than they are drawn. Mesa's llvmpipe compiles twice as fast without LLVM's
-    # optimisations, to the same bits, and draws 2 to 12 % slower, ray marching 80 %. It reads these when GL starts.
+    # optimisations, to the same bits, and draws 2 to 18 % slower, ray marching 80 %. It reads these when GL starts.
     os.environ.setdefault("GALLIVM_PERF", "nopt")
     os.environ.setdefault("LP_NUM_THREADS", "1")  # processes enough
     _here = Judge(load_gates(gates.file).gates, {module.stem: module for module in gates.modules}, store, folder)

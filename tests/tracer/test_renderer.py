@@ -198,14 +198,14 @@ def test_a_loop_without_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_process_that_was_stopped_is_not_blamed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-Z in the midst of a draw: the clock goes on, the work does not."""
-    stuck(monkeypatch, "perf_counter").render_batch(1, 0, 1)
+    assert stuck(monkeypatch, "perf_counter").render_batch(1, 0, 1).rejected == 0
 
 
 def test_a_first_draw_may_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """It compiles."""
     renderer = stuck(monkeypatch, "perf_counter", "process_time")
     renderer._compiled = False
-    renderer.render_batch(1, 0, 1)
+    assert renderer.render_batch(1, 0, 1).rejected == 0
 
 
 def test_a_shader_that_does_not_compile_is_refused() -> None:
