@@ -9,7 +9,7 @@ help:  ## Show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-9s %s\n", $$1, $$2 }' Makefile
 
 setup:  ## Make .venv, with every package at its locked version, and check the native libraries
-	@$(PYTHON) -I harness/bootstrap.py
+	@$(PYTHON) -I harness/machine/bootstrap.py
 
 report: setup  ## Render, measure and set reports/out/report.pdf; PROFILE=quick (default) or full
 	.venv/bin/harness report --profile $(PROFILE)

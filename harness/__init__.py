@@ -7,16 +7,16 @@ from typing import Any
 
 # Public name -> module. Importing the package stays cheap: neither GL nor Mitsuba loads before it is needed.
 _HOMES = {
-    "Batch": "harness.estimate", "Estimate": "harness.estimate",
+    "Batch": "harness.samples.estimate", "Estimate": "harness.samples.estimate",
     "HarnessError": "harness.errors", "MachineError": "harness.errors",
-    "ReferenceRenderer": "harness.reference.renderer", "TracerRenderer": "harness.tracer.renderer",
+    "ReferenceRenderer": "harness.reference.renderer", "TracerRenderer": "harness.gpu.renderer",
     "Scene": "harness.scene", "load_scene": "harness.scene",
-    "Store": "harness.store",
+    "Store": "harness.samples.store",
     "StrategyResult": "harness.results", "StudyResult": "harness.results",
     "load_gates": "harness.gates", "run_gate": "harness.gates",
-    "judge": "harness.runs", "render": "harness.runs", "render_reference": "harness.runs",
-    "read_estimate": "harness.exr", "write_estimate": "harness.exr",
-    "study": "harness.studies",
+    "judge": "harness.policy", "render": "harness.api", "render_reference": "harness.api",
+    "read_estimate": "harness.samples.exr", "write_estimate": "harness.samples.exr",
+    "study": "harness.studies.study",
 }
 __all__ = sorted(_HOMES)
 

@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import StoreError
-from harness.estimate import Accumulator
+from harness.estimators.base import Renderer
 from harness.files import data_dir, write_atomically
+from harness.gpu.renderer import TracerRenderer
+from harness.progress import Progress, quiet
 from harness.reference.renderer import ReferenceRenderer
-from harness.runs import Progress, Renderer, quiet, versions
+from harness.samples.estimate import Accumulator
 from harness.scene import Scene, load_scene
-from harness.tracer.renderer import TracerRenderer
+from harness.work.provenance import versions
 
 # Seconds of wall time that one measurement of one renderer should take: long against timer and launch overhead.
 TARGET_SECONDS = 1.0

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harness.errors import HarnessError
-from harness.estimate import luminance
+from harness.samples.estimate import luminance
+from harness.samples.tone import encode_srgb
 from harness.stats.bias import error_scale
 
 # Side of SSIM's Gaussian window: sigma 1.5 pixels (Wang et al. 2004) cut at 3.5 sigma.
@@ -16,15 +17,6 @@ SSIM_SIGMA = 1.5
 PIXELS_PER_DEGREE = 67.02
 # Relative differences are shown against at least this part of the reference's mean luminance, lest black pixels shout.
 DARK_PIXEL = 0.01
-
-
-def encode_srgb(image: ArrayLike, exposure: float = 0.0) -> np.ndarray:
-    """Linear Rec.709 (..., 3) to display values in [0, 1]: times 2^exposure (stops), clipped, sRGB-encoded.
-
-    The transfer function is that of IEC 61966-2-1. NaN stays NaN, infinity becomes white.
-    """
-    linear = np.clip(np.asarray(image, dtype=np.float64) * 2.0**exposure, 0.0, 1.0)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear**(1 / 2.4) - 0.055)
 
 
 def mean_error(test: ArrayLike, reference: ArrayLike) -> np.ndarray:

@@ -79,7 +79,7 @@ class GatesCollector(pytest.File):
     def collect(self) -> Iterable[pytest.Item]:
         from harness.files import cache_dir
         from harness.gates import References, load_gates
-        from harness.store import Store
+        from harness.samples.store import Store
 
         if _REFERENCES not in self.config.stash:  # now, since a test may point $HARNESS_CACHE elsewhere later
             self.config.stash[_REFERENCES] = References(Store(cache_dir() / "batches"))

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from harness.estimate import Estimate
+from harness.samples.estimate import Estimate
 from harness.stats.bias import MeanErrorVerdict, Outcome
 from harness.stats.convergence import Slope
 from harness.stats.findings import Tiles

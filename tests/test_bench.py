@@ -16,10 +16,10 @@ from harness import bench
 from harness.bench import Case, Row
 from harness.cli import main
 from harness.errors import StoreError
-from harness.estimate import Batch
 from harness.files import data_dir
+from harness.samples.estimate import Batch
 from harness.scene import Scene, load_scene
-from tests.fakes import NoiseRenderer
+from tests.support.fakes import NoiseRenderer
 
 CASE = Case("diffuse", "cosine", "path", needed=5.0)
 ROW = Row("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.5, opponent_rate=2.5, ratio=5.1, low=4.75, high=5.5,

@@ -12,32 +12,43 @@ ROOT = Path(__file__).resolve().parents[1]
 MODULES = sorted((ROOT / "harness").rglob("*.py"))
 TESTS = sorted((ROOT / "tests").rglob("*.py"))
 
-# A module imports from its own layer or one below. `tracer` and `reference` never import each other.
-LAYERS = (
+# The floors of the house, from the ground: a room imports from floors below its own, and from its neighbours on it.
+FLOORS = (
     ("errors",),
-    ("estimate", "scene", "metrics", "stats", "mitsuba_runtime", "files", "images"),
-    ("tracer", "reference", "exr"),
-    ("store", "results", "runs", "studies", "doctor"),
-    ("gates", "mutants", "report", "bench", "gallery", "exhibits", "calibration"),
+    ("files", "progress", "stats"),
+    ("machine", "samples"),
+    ("scene", "metrics"),
+    ("policy", "results", "shader"),
+    ("gpu", "reference"),
+    ("estimators",),
+    ("work",),
+    ("api", "studies"),
+    ("bench", "course"),
+    ("report",),
+    ("gates",),
+    ("calibration", "mutants"),
     ("cli", "pytest_plugin"),
     ("__init__", "__main__"),
 )
-LAYER_OF = {name: layer for layer, names in enumerate(LAYERS) for name in names}
-# Stricter than its layer: all that these may import of the harness, and which packages they may not.
+FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}
+# Stricter than its floor: all that these may import of the harness.
 ONLY = {
-    "bootstrap": set(),
+    "bootstrap": set(),  # runs before there is a harness
     "stats": {"errors", "stats"},
-    "report": {"errors", "estimate", "exr", "files", "images", "metrics", "results", "stats", "report", "scene"},
-    "tracer": {"errors", "estimate", "files", "scene", "tracer"},
-    "reference": {"errors", "estimate", "files", "mitsuba_runtime", "scene", "reference"},
+    "samples": {"errors", "files", "samples"},
+    "shader": {"errors", "files", "scene", "shader"},
+    "gpu": {"errors", "files", "gpu", "samples", "scene", "shader"},
+    "reference": {"errors", "files", "machine", "reference", "samples", "scene"},
+    "report": {"errors", "files", "metrics", "report", "results", "samples", "scene", "stats", "studies"},
 }
-# Who may import a renderer's package at all.
-RENDERERS = {"moderngl": {"tracer"}, "mitsuba": {"scene", "reference"}, "drjit": {"reference", "scene"}}
+# Who may import a package at all.
+PACKAGES = {"moderngl": {"gpu"}, "mitsuba": {"machine", "reference", "scene"},
+            "drjit": {"machine", "reference", "scene"}}
 MAX_LINES = 450
 
 
 def part(path: Path) -> str:
-    """The name in LAYERS that a module belongs to: its own, or that of its package."""
+    """The name in FLOORS that a module belongs to: its own, or that of its package."""
     return path.relative_to(ROOT / "harness").parts[0].removesuffix(".py")
 
 
@@ -63,20 +74,19 @@ def harness_parts(path: Path) -> set[str]:
 class TestModule:
     """Each module of the package."""
 
-    def test_has_a_place_in_the_layers(self, path: Path) -> None:
-        assert part(path) in LAYER_OF or part(path) in ONLY, "give the new module a place in LAYERS"
+    def test_has_a_place_on_a_floor(self, path: Path) -> None:
+        assert part(path) in FLOOR_OF, "give the new room a place in FLOORS"
 
-    def test_imports_from_its_own_layer_or_below(self, path: Path) -> None:
+    def test_imports_from_below(self, path: Path) -> None:
         mine = part(path)
-        if mine in ONLY:
-            too_high = harness_parts(path) - ONLY[mine]
-        else:
-            too_high = {name for name in harness_parts(path) if LAYER_OF.get(name, 0) > LAYER_OF[mine]}
-        assert not too_high, f"{mine} may not import {sorted(too_high)}"
+        higher = {name for name in harness_parts(path) if FLOOR_OF[name] > FLOOR_OF[mine]}
+        assert not higher, f"{mine} may not import {sorted(higher)}"
+        allowed = ONLY.get("bootstrap" if path.stem == "bootstrap" else mine)
+        assert allowed is None or harness_parts(path) <= allowed
 
-    def test_imports_a_renderer_only_where_it_is_hosted(self, path: Path) -> None:
+    def test_imports_a_package_only_where_it_is_at_home(self, path: Path) -> None:
         packages = {name.split(".")[0] for name in imports(path)}
-        wrong = {name for name in packages & RENDERERS.keys() if part(path) not in RENDERERS[name]}
+        wrong = {name for name in packages & PACKAGES.keys() if part(path) not in PACKAGES[name]}
         assert not wrong, f"{part(path)} may not import {sorted(wrong)}"
 
     def test_begins_with_a_line_that_says_what_it_is_for(self, path: Path) -> None:

@@ -10,7 +10,6 @@ import pytest
 from harness.errors import HarnessError
 from harness.metrics import (
     delta_e2000,
-    encode_srgb,
     flip,
     flip_map,
     mean_error,
@@ -19,6 +18,7 @@ from harness.metrics import (
     signed_relative_difference,
     ssim,
 )
+from harness.samples.tone import encode_srgb
 
 GREY = np.full((32, 40, 3), 0.25)
 

@@ -12,7 +12,7 @@ import pytest
 
 import harness.gates  # what in-process runs import must be there before and stay: it cannot be imported twice
 from harness.gates import artefacts, summary
-from tests.gates_support import GATES, write
+from tests.support.gates import GATES, write
 
 pytest_plugins = ["pytester"]
 

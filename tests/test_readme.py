@@ -9,18 +9,20 @@ from pathlib import Path
 import pytest
 
 import harness
-from harness import bench, gallery, studies
+from harness import bench, studies
 from harness import calibration as calibration_module
 from harness.cli import COMMANDS, main
 from harness.cli import report as report_command
+from harness.course import gallery
 from harness.files import data_dir
 from harness.mutants import runner
-from harness.runs import TOLERANCE
+from harness.mutants.runner import MODULE_FOLDERS
+from harness.policy import TOLERANCE
 from harness.scene import Scene, load_scene
 from harness.scene.materials import BSDFS
 from harness.scene.shapes import PARAMETERS
-from harness.tracer.codegen import STRATEGIES
-from tests.made_calibration import calibration
+from harness.shader.strategies import STRATEGIES
+from tests.support.calibration import calibration
 
 ROOT = Path(harness.__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -75,7 +77,8 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(studies.PROFILES, "quick", studies.Profile(spp=4, replicas=2, reference_spp=8))
     monkeypatch.setattr(gallery, "EXHIBITS", (gallery.Exhibit("spheres", 2),))
     monkeypatch.setattr(gallery, "SIDE", 16)
-    (tmp_path / "tests" / "tracer").symlink_to(ROOT / "tests" / "tracer")
+    for folder in MODULE_FOLDERS:
+        (tmp_path / "tests" / folder).symlink_to(ROOT / "tests" / folder)
     monkeypatch.setattr(runner, "run_mutants", lambda mutants, gates, **options: runner.KillMatrix(
         tuple(mutants), gates.names, tuple(("killed",) * len(gates.names) for _ in mutants)))
     monkeypatch.setattr(bench, "run", lambda **options: [BENCH_ROW])

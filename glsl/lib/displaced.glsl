@@ -16,7 +16,7 @@
 // Sphere Tracing", with parabolas for spheres. That saves another 40 % of the steps.
 //
 // The scene's generated code defines DISPLACED_SPHERES, their number, MAX_MARCH_STEPS, whether any colour ramp HAS_CORNERS
-// or any wood HAS_RINGS, and the functions declared below (harness/tracer/displaced.py); how the bounds are found stands
+// or any wood HAS_RINGS, and the functions declared below (harness/shader/scene/displaced.py); how the bounds are found stands
 // in harness/scene/displaced.py.
 #ifndef LIB_DISPLACED
 #define LIB_DISPLACED

@@ -8,9 +8,10 @@ from harness.calibration.comparisons import BATCHES, SIDE, compare
 from harness.calibration.storage import load, save
 from harness.calibration.suite import simulate_suite
 from harness.gates import GatesFile
-from harness.runs import Progress, quiet, versions
+from harness.progress import Progress, quiet
+from harness.samples.store import Store
 from harness.stats.calibration import Calibration
-from harness.store import Store
+from harness.work.provenance import versions
 
 __all__ = ["Calibration", "calibrate", "load", "save"]
 

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.estimate import with_luminance
 from harness.files import data_dir
-from harness.runs import Advance, Progress, quiet
+from harness.gpu.renderer import TracerRenderer
+from harness.progress import Advance, Progress, quiet
+from harness.samples.estimate import with_luminance
 from harness.scene import load_scene
 from harness.stats.calibration import (
     NO_TOLERANCE,
@@ -23,7 +24,6 @@ from harness.stats.levels import Looks
 from harness.stats.sequential import Sequence
 from harness.stats.synthetic import NOISES, Plan, draw
 from harness.stats.tiles import TileAccumulator, TileSamples, tile_size
-from harness.tracer.renderer import TracerRenderer
 
 # Side of the images in pixels; tiles of 3 and 12 pixels divide it.
 SIDE = 60

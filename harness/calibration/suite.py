@@ -18,14 +18,15 @@ from harness.gates import Gate, GatesFile, References
 from harness.gates.budget import too_small
 from harness.gates.model import MitsubaReference
 from harness.gates.runner import check_gate, tracer
-from harness.runs import Progress, Run, quiet
+from harness.progress import Progress, quiet
+from harness.samples.store import Store
 from harness.stats.bias import Outcome
 from harness.stats.rates import Where
 from harness.stats.resampling import Patch, centred, draws, resampled, shaded_patches
 from harness.stats.suites import BIASES, MISSED, GatePower, GateRates, SuiteRates
 from harness.stats.synthetic import with_gain
 from harness.stats.tiles import MAX_BATCHES, ImageMoments, TileSamples, tile_size
-from harness.store import Store
+from harness.work.run import Run
 
 # A bank holds so many budgets of the tracer's replicas, and one of Mitsuba's, which cost three times as much.
 BUDGETS = 2

@@ -19,7 +19,7 @@ from harness.cli.output import JsonOption, log, print_json, print_rich
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.estimate import Estimate
+    from harness.samples.estimate import Estimate
     from harness.stats.bias import MeanErrorVerdict
     from harness.stats.findings import Tiles
 
@@ -45,8 +45,8 @@ def compare(
     """
     import numpy as np
 
-    from harness import runs
-    from harness.exr import read_estimate
+    from harness.policy import fail_level, judge
+    from harness.samples.exr import read_estimate
 
     images = {path: read_estimate(path) for path in (test, reference)}
     (ours, our_facts), (truth, facts) = images[test], images[reference]
@@ -64,7 +64,7 @@ def compare(
         values = _metrics(ours, truth, exposure)
         verdict, tiles = None, None
         if not silent or not np.isfinite(ours.mean).all():
-            verdict = runs.judge(ours, truth, tolerance=tolerance, confidence=confidence, fail_level=runs.fail_level(1))
+            verdict = judge(ours, truth, tolerance=tolerance, confidence=confidence, fail_level=fail_level(1))
             tiles = _judge_tiles(ours, truth, tolerance, confidence)
     if json:
         print_json({"test": test, "reference": reference, "exposure": exposure, **values, "verdict": verdict,
@@ -78,13 +78,14 @@ def compare(
 
 
 def _judge_tiles(ours: Estimate, truth: Estimate, tolerance: float, confidence: float) -> Tiles:
-    from harness import runs
+    from harness.policy import fail_level, tolerances
     from harness.stats.findings import judge_tiles
     from harness.stats.tiles import tile_size
+    from harness.work.run import tiles_of
 
     tile = tile_size(*ours.mean.shape[:2])
-    return judge_tiles(runs.tiles_of(ours, tile), runs.tiles_of(truth, tile), runs.tolerances(tolerance),
-                       fail_level=runs.fail_level(1), pass_level=1 - confidence)
+    return judge_tiles(tiles_of(ours, tile), tiles_of(truth, tile), tolerances(tolerance),
+                       fail_level=fail_level(1), pass_level=1 - confidence)
 
 
 def _own_exposure(facts: Mapping[str, object]) -> float:

@@ -8,7 +8,7 @@ from harness.cli.output import JsonOption, print_json, print_rich, progress
 from harness.errors import MachineError
 
 if TYPE_CHECKING:
-    from harness.doctor import Check
+    from harness.machine.doctor import Check
 
 
 def doctor(json: JsonOption = False) -> int:
@@ -18,7 +18,7 @@ def doctor(json: JsonOption = False) -> int:
 
     Example: `harness doctor --json`
     """
-    from harness.doctor import examine
+    from harness.machine.doctor import examine
 
     checks: list[Check] = []
     with progress(None, "Examining this machine") as advance:

@@ -12,7 +12,7 @@ from harness.cli.options import MAX_SPP, SizeOption, not_finite, open_scene
 from harness.cli.output import JsonOption, log, print_json, progress
 
 if TYPE_CHECKING:
-    from harness.gallery import Picture
+    from harness.course.gallery import Picture
     from harness.scene import Scene
 
 
@@ -32,8 +32,8 @@ def gallery(
 
     Example: `harness gallery --spp 500`
     """
+    from harness.course.gallery import EXHIBITS, SIDE, render_picture
     from harness.files import data_dir
-    from harness.gallery import EXHIBITS, SIDE, render_picture
 
     counts = {exhibit.scene: exhibit.spp for exhibit in EXHIBITS}
     paths = scenes or [data_dir("mitsuba_scenes") / f"{exhibit.scene}.xml" for exhibit in EXHIBITS]

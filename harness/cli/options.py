@@ -13,8 +13,8 @@ from harness.cli.output import log
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
+    from harness.samples.store import Store
     from harness.scene import Scene
-    from harness.store import Store
 
 # The metadata in which `harness render` and `harness reference` note the scene's content hash.
 SCENE_HASH = "harness.scene"
@@ -74,7 +74,7 @@ def open_store(cache: bool) -> Store | None:
     if not cache:
         return None
     from harness.files import cache_dir
-    from harness.store import Store
+    from harness.samples.store import Store
 
     root = cache_dir() / "batches"
     try:
@@ -100,7 +100,7 @@ def not_finite(samples: int) -> str:
 
 
 def _require_memory(scene: Scene) -> None:
-    from harness.doctor import memory_limit
+    from harness.machine.doctor import memory_limit
 
     needed, limit = scene.width * scene.height * BYTES_PER_PIXEL, memory_limit()
     if needed > limit:

@@ -12,8 +12,8 @@ from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.estimate import Estimate
-    from harness.runs import Renderer
+    from harness.estimators.base import Renderer
+    from harness.samples.estimate import Estimate
     from harness.scene import Scene
 
 OutputOption = Annotated[Path | None, typer.Option(
@@ -38,7 +38,8 @@ def render(
 
     Example: `harness render mitsuba_scenes/spheres.xml --strategy mixture --spp 1024 -o spheres.exr`
     """
-    from harness.tracer.renderer import TracerRenderer, check_strategy
+    from harness.gpu.renderer import TracerRenderer
+    from harness.shader.strategies import check_strategy
 
     loaded = open_scene(scene, size)
     judged = check_strategy(loaded, strategy)
@@ -82,9 +83,9 @@ def _target(output: Path | None, stem: str) -> Path:
 
 def _render(renderer: Renderer, scene: Scene, target: Path, spp: int, replica: int, cache: bool, json: bool,
             labels: dict[str, Any]) -> None:
-    from harness.exr import write_estimate
-    from harness.images import write_png
-    from harness.runs import render_estimate
+    from harness.samples.exr import write_estimate
+    from harness.samples.images import write_png
+    from harness.work.batches import render_estimate
 
     with progress(spp, f"{scene.name} {labels['strategy']}") as advance:
         result = render_estimate(renderer, spp, replica=replica, store=open_store(cache), advance=advance)

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from harness.results import Exhibit, StudyResult
     from harness.scene import Scene
     from harness.stats.calibration import Calibration
-    from harness.studies import Profile
+    from harness.studies.plan import Profile
 
 # What a study's numbers depend on besides its scene and settings: the code that makes them.
-_CODE = ("estimate.py", "metrics.py", "runs.py", "studies.py", "store.py", "results.py", "scene", "stats", "tracer",
-         "reference", "exhibits", "report/storage.py")
+_CODE = ("samples", "metrics.py", "policy.py", "work", "studies", "results.py", "scene", "stats", "shader", "gpu",
+         "reference", "course")
 
 
 def report(
@@ -46,7 +46,7 @@ def report(
     """
     from harness.files import data_dir, require_writable
     from harness.report import build_report
-    from harness.studies import PROFILES, judged
+    from harness.studies.plan import PROFILES, judged
 
     began = time.perf_counter()
     loaded = _open_all(scenes or sorted(data_dir("mitsuba_scenes").glob("*.xml")))
@@ -145,10 +145,11 @@ def _studied(scene: Scene, profile: Profile, family: int) -> tuple[StudyResult, 
     share the rate of false alarms.
     """
     from harness.files import cache_dir
-    from harness.report.storage import STUDY_FILE, load_study, save_study
-    from harness.runs import versions
     from harness.scene import describe
-    from harness.studies import exhibited_strategies, study
+    from harness.studies.plan import exhibited_strategies
+    from harness.studies.storage import STUDY_FILE, load_study, save_study
+    from harness.studies.study import study
+    from harness.work.provenance import versions
 
     key = {"scene": scene.content_hash, "name": scene.name, "exposure": scene.exposure, "notes": scene.notes,
            "strategies": exhibited_strategies(scene),
@@ -169,9 +170,9 @@ def _studied(scene: Scene, profile: Profile, family: int) -> tuple[StudyResult, 
 
 def _exhibited() -> tuple[Sequence[Exhibit], bool]:
     """The handout's errors, and whether they were measured now: read back where the code is the same."""
-    from harness.exhibits import load_exhibits, measure_exhibits, save_exhibits
+    from harness.course import load_exhibits, measure_exhibits, save_exhibits
     from harness.files import cache_dir
-    from harness.runs import versions
+    from harness.work.provenance import versions
 
     key = json_module.dumps({"code": _code_hash(), **versions()}, sort_keys=True)
     folder = cache_dir() / "exhibits" / hashlib.sha256(key.encode()).hexdigest()[:24]

@@ -22,8 +22,8 @@ from harness.cli.output import JsonOption, log, print_json, print_rich, progress
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.estimate import Estimate
     from harness.results import StrategyResult, StudyResult
+    from harness.samples.estimate import Estimate
     from harness.scene import Scene
 
 
@@ -55,7 +55,7 @@ def study(
 
     Example: `harness study mitsuba_scenes/spheres.xml --strategies uniform,cosine,mixture --spp 4096 --replicas 8`
     """
-    from harness import studies
+    from harness.studies.study import study as run_study
 
     names = _names(strategies)
     if reference and reference_spp:
@@ -64,10 +64,10 @@ def study(
     ready = _open_reference(reference, loaded) if reference else None
     if output:
         from harness.files import require_writable
-        from harness.report.storage import STUDY_FILE, save_study  # brings matplotlib
+        from harness.studies.storage import STUDY_FILE, save_study  # brings matplotlib
 
         require_writable(output / STUDY_FILE)
-    result = studies.study(
+    result = run_study(
         loaded, names, spp=spp, replicas=replicas, reference_spp=reference_spp, reference=ready, tolerance=tolerance,
         confidence=confidence, store=open_store(cache), progress=progress)
     for item in result.strategies:
@@ -96,7 +96,7 @@ def _names(strategies: str | None) -> list[str] | None:
 
 
 def _open_reference(path: Path, scene: Scene) -> Estimate:
-    from harness.exr import read_estimate
+    from harness.samples.exr import read_estimate
 
     estimate, facts = read_estimate(path)
     if estimate.mean.shape[:2] == (scene.height, scene.width):  # else the study refuses it

@@ -19,12 +19,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, NullLocator, PercentFormatter
 
-from harness.exr import write_estimate
 from harness.files import write_atomically
 from harness.gates.model import Gate, GateResult
-from harness.images import write_png
 from harness.report.pictures import DIFFERENCE_MAP, difference_map, robust_limit, tile_pixels
 from harness.report.style import RC, TOLERANCE_COLOUR, strategy_style
+from harness.samples.exr import write_estimate
+from harness.samples.images import write_png
 from harness.stats.findings import largest_deviates
 
 RESULT_FILE = "result.json"

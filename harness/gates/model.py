@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.estimate import Estimate
+from harness.samples.estimate import Estimate
 from harness.stats.bias import Outcome
 from harness.stats.levels import Looks
 from harness.stats.sequential import Sequence

@@ -44,9 +44,9 @@ from harness.gates.model import (
     MitsubaReference,
     ValueReference,
 )
+from harness.shader.strategies import STRATEGIES
 from harness.stats.levels import family_level
 from harness.stats.verdicts import Tolerance
-from harness.tracer.codegen import STRATEGIES
 
 # What a gate has that neither it nor the file's [defaults] mention.
 DEFAULTS: dict[str, Any] = {"spp": 32, "replicas": 64, "reference": {"spp": 32}, "confidence": 0.95, "not_finite": 0.0}

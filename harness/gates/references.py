@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.estimate import Estimate, with_luminance
-from harness.exr import read_estimate
 from harness.gates.model import FileReference, Gate, MitsubaReference, ValueReference
+from harness.progress import Advance
 from harness.reference.renderer import ReferenceRenderer
-from harness.runs import Advance, Run, tiles_of
+from harness.samples.estimate import Estimate, with_luminance
+from harness.samples.exr import read_estimate
+from harness.samples.store import Store
 from harness.scene import Scene
 from harness.stats.tiles import TileSamples, tile_size
-from harness.store import Store
+from harness.work.run import Run, tiles_of
 
 
 class FixedReference:

@@ -7,16 +7,19 @@ from collections.abc import Callable
 
 import numpy as np
 
+from harness.estimators.base import Renderer
 from harness.gates.budget import factor_needed, tile_scale, too_small
 from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look, MitsubaReference
 from harness.gates.references import FixedReference, References
 from harness.gates.shaders import gate_source
-from harness.runs import Progress, Renderer, Run, quiet
+from harness.gpu.renderer import TracerRenderer
+from harness.progress import Progress, quiet
 from harness.scene import Scene, load_scene
+from harness.shader.strategies import check_strategy
 from harness.stats.needed import times
 from harness.stats.tiles import ImageMoments, TileSamples, tile_size
 from harness.stats.verdicts import tile_verdict
-from harness.tracer.renderer import TracerRenderer, check_strategy
+from harness.work.run import Run
 
 # What renders the test: the tracer, or in tests and for mutants another.
 MakeRenderer = Callable[[Gate, Scene], Renderer]

@@ -9,8 +9,8 @@ from harness.errors import ShaderError
 from harness.files import data_dir
 from harness.gates.model import Gate
 from harness.scene import Scene
-from harness.tracer.codegen import scene_chunk
-from harness.tracer.source import GLSL_VERSION, ShaderSource, assemble
+from harness.shader.scene.chunk import scene_chunk
+from harness.shader.source import GLSL_VERSION, ShaderSource, assemble
 
 MAIN = "path_tracer.frag"
 GENERATED = "scene.glsl"

@@ -12,21 +12,21 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import HarnessError, MachineError, ShaderError, StoreError
-from harness.estimate import Batch, with_luminance
 from harness.files import data_dir, shaders_from
 from harness.gates import Gate, References
 from harness.gates.model import MitsubaReference
 from harness.gates.runner import check_gate, run_gate
 from harness.gates.shaders import gate_source
+from harness.gpu.context import Program
+from harness.gpu.renderer import TracerRenderer
 from harness.mutants.catalogue import Mutant
 from harness.mutants.matrix import State
+from harness.samples.estimate import Batch, with_luminance
+from harness.samples.store import Store
 from harness.scene import Scene
+from harness.shader.source import assemble
 from harness.stats.tiles import TileAccumulator, TileSamples
 from harness.stats.verdicts import bias_verdict
-from harness.store import Store
-from harness.tracer.context import Program
-from harness.tracer.renderer import TracerRenderer
-from harness.tracer.source import assemble
 
 # A gate glances before it looks: as many replicas as at its first look, of so many samples per pixel, are enough for
 # most defects, and a reference of so many for each of them is far less noisy. One sample would not show what it leaves

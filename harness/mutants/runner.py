@@ -16,11 +16,11 @@ from harness.gates import Gate, load_gates
 from harness.mutants.catalogue import Mutant, mutated_shaders
 from harness.mutants.judge import Judge
 from harness.mutants.matrix import KillMatrix, State
-from harness.runs import Progress, quiet
+from harness.progress import Progress, quiet
 
 # Files of tests whose names begin so are gates as well: what probes say of one function of the shader library.
 MODULE_PREFIX = "test_"
-MODULES_FOLDER = "tracer"
+MODULE_FOLDERS = ("glsl", "gpu")
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,11 @@ class Gates:
     def of(cls, file: Path, tests: Path) -> Gates:
         """HarnessError for a malformed gates file, or a folder without test modules."""
         family = load_gates(file)
-        modules = tuple(sorted((tests / MODULES_FOLDER).glob(f"{MODULE_PREFIX}*.py")))
+        modules = tuple(sorted((path for folder in MODULE_FOLDERS
+                                for path in (tests / folder).glob(f"{MODULE_PREFIX}*.py")), key=lambda path: path.name))
         if not modules:
-            raise HarnessError(f"{tests / MODULES_FOLDER}: no test modules there; name the folder of the harness's "
-                               "tests")
+            raise HarnessError(f"{tests}: no test modules in {' and '.join(MODULE_FOLDERS)}; name the folder "
+                               "of the harness's tests")
         return cls(file, modules, (*(gate.name for gate in family.gates), *(module.stem for module in modules)))
 
 

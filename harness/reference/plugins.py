@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from harness.mitsuba_runtime import import_mitsuba
+from harness.machine.mitsuba_runtime import import_mitsuba
 from harness.reference import lights, phong, procedural, same_algorithm
 from harness.scene.procedural import KINDS
 

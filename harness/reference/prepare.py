@@ -6,7 +6,7 @@ import dataclasses
 from typing import Any
 
 from harness.errors import HarnessError, SceneError
-from harness.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
+from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
 from harness.reference.expand import expand_shapes
 from harness.reference.plugins import register_plugins
 from harness.scene import Scene, load_scene, parse

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.estimate import Batch
-from harness.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
+from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
 from harness.reference.motion import MovingShapes, moment, moments, samples_per_moment
 from harness.reference.prepare import instantiate
+from harness.samples.estimate import Batch
+from harness.samples.traits import Traits
 from harness.scene import Scene, motion, noise, procedural
 
 INTEGRATORS = ("path", "bsdf_path")
@@ -39,6 +40,8 @@ class ReferenceRenderer:
     rendered in one batch or in several whose borders are multiples of `samples_per_call`. Where shapes move, calls are
     short, and each sees one moment: see `harness.reference.motion`.
     """
+
+    traits = Traits()
 
     def __init__(self, scene: Scene, integrator: str = "path") -> None:
         """Instantiate the scene's file. `integrator`: Mitsuba's `path`, or `bsdf_path` without light sampling.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.mitsuba_runtime import use_reference_variant
+from harness.machine.mitsuba_runtime import use_reference_variant
 
 
 def sine(angles: np.ndarray) -> np.ndarray:

@@ -9,8 +9,8 @@ import matplotlib
 import numpy as np
 from PIL import Image
 
-from harness.images import display_pixels
 from harness.metrics import flip_map, signed_relative_difference
+from harness.samples.images import display_pixels
 
 # At 41 mm printed width this is 300 dots per inch; larger images are averaged down by a whole factor.
 MAX_PIXELS = 512

@@ -19,13 +19,13 @@ from harness.report.content import (
     SceneSection,
     Swatch,
 )
-from harness.report.efficiency import equal_error
 from harness.report.figures import curves_svg
 from harness.report.style import strategy_style
 from harness.report.tables import LUMINANCE, accuracy_table, cost_table, is_exact
 from harness.report.tiles import deviates_row, deviates_words, failures, tiles_table
 from harness.results import StrategyResult, StudyResult
 from harness.stats.limit import limit_error
+from harness.studies.equal_error import equal_error
 
 Assets = dict[str, bytes]
 

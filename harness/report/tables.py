@@ -8,11 +8,11 @@ import numpy as np
 
 from harness.report import formats
 from harness.report.content import SYMBOLS, Cell, Column, Mark, Swatch, Table
-from harness.report.efficiency import EqualError
 from harness.report.style import strategy_style
 from harness.results import StrategyResult, StudyResult
 from harness.stats.bias import CHANNELS
 from harness.stats.convergence import slope_verdict
+from harness.studies.equal_error import EqualError
 
 # The Monte Carlo rate that slopes are held against, and by how much a slope's interval may stray from it.
 EXPECTED_SLOPE = -0.5

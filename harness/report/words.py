@@ -8,7 +8,6 @@ import numpy as np
 
 from harness.report import formats
 from harness.report.content import SYMBOLS, Mark, Remark
-from harness.report.efficiency import Cost, equal_error
 from harness.report.tables import (
     EXPECTED_SLOPE,
     LUMINANCE,
@@ -20,6 +19,7 @@ from harness.report.tables import (
 from harness.report.tiles import reading as tiles_reading
 from harness.report.tiles import tiles_summary
 from harness.results import StrategyResult, StudyResult
+from harness.studies.equal_error import Cost, equal_error
 
 Pair = tuple[StudyResult, StrategyResult]
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from harness.errors import SceneError
-from harness.mitsuba_runtime import import_mitsuba
+from harness.machine.mitsuba_runtime import import_mitsuba
 from harness.scene.model import RGB, Bitmap, EnvironmentMap, Matrix3, as_matrix
 from harness.scene.nodes import Node
 

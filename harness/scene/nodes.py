@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from harness.errors import SceneError
-from harness.mitsuba_runtime import import_mitsuba
+from harness.machine.mitsuba_runtime import import_mitsuba
 from harness.scene.model import RGB
 
 FLOAT32_MAX = float(np.finfo(np.float32).max)  # both renderers compute in float32; beyond it a number is infinite

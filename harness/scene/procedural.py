@@ -13,7 +13,7 @@ continuous with its derivative. (For rise = 1/2 it is ½ - ½ cos 2πs to within
 sines.) The colour is piecewise linear in t, through color0, color1, … at equal steps.
 
 The functions below are for NumPy and drjit alike, as those of `harness.scene.noise`; glsl/lib/procedural.glsl and
-harness/tracer/procedural.py are the shader's.
+harness/shader/scene/procedural.py are the shader's.
 """
 
 from __future__ import annotations

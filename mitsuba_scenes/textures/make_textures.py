@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.mitsuba_runtime import import_mitsuba
+from harness.machine.mitsuba_runtime import import_mitsuba
 
 FOLDER = Path(__file__).parent
 SEED = 20260101

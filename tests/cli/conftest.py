@@ -77,7 +77,7 @@ def no_renderer(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*arguments: object, **options: object) -> None:
         raise AssertionError("a renderer was made")
 
-    for name in ("harness.tracer.renderer.TracerRenderer", "harness.reference.renderer.ReferenceRenderer"):
+    for name in ("harness.gpu.renderer.TracerRenderer", "harness.reference.renderer.ReferenceRenderer"):
         monkeypatch.setattr(f"{name}.__init__", refuse)
 
 

@@ -74,7 +74,7 @@ class TestScenes:
     def test_too_large_for_the_memory_are_refused(
         self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, command: str,
     ) -> None:
-        monkeypatch.setattr("harness.doctor.memory_limit", lambda: 2**30)
+        monkeypatch.setattr("harness.machine.doctor.memory_limit", lambda: 2**30)
         assert "an image of 2000 x 1000 pixels takes about 1.1 GiB" in refusal(
             harness(command, sky, "--size", "2000x1000"))
 

@@ -13,10 +13,10 @@ import OpenEXR
 import pytest
 from PIL import Image
 
-from harness.exr import write_estimate
-from harness.runs import render_estimate
+from harness.samples.exr import write_estimate
+from harness.work.batches import render_estimate
 from tests.cli.conftest import Harness, refusal
-from tests.fakes import NoiseRenderer
+from tests.support.fakes import NoiseRenderer
 
 SCENE = {"harness.scene": "0123456789abcdef"}
 SHAPE = (16, 24)

@@ -8,7 +8,7 @@ import pytest
 
 from harness.errors import MachineError
 from tests.cli.conftest import Harness, refusal
-from tests.gates_support import GATES, write
+from tests.support.gates import GATES, write
 
 WRONG = GATES + """
 [[gate]]

@@ -16,11 +16,11 @@ import pytest
 
 from harness import cli
 from harness.cli import main
-from harness.estimate import Estimate
-from harness.exr import write_estimate
 from harness.files import PARTIAL_PREFIX, data_dir
-from harness.store import schedule
-from harness.tracer.renderer import TracerRenderer
+from harness.gpu.renderer import TracerRenderer
+from harness.samples.estimate import Estimate
+from harness.samples.exr import write_estimate
+from harness.samples.store import schedule
 from tests.cli.conftest import Harness
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"

@@ -12,12 +12,12 @@ import pytest
 from PIL import Image
 
 from harness.errors import MachineError
-from harness.estimate import Batch
-from harness.exr import read_estimate
 from harness.files import data_dir
-from harness.metrics import encode_srgb
+from harness.gpu.renderer import TracerRenderer
+from harness.samples.estimate import Batch
+from harness.samples.exr import read_estimate
+from harness.samples.tone import encode_srgb
 from harness.scene import load_scene
-from harness.tracer.renderer import TracerRenderer
 from tests.cli.conftest import Harness
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
@@ -109,7 +109,7 @@ class TestCache:
         def refuse(*arguments: object) -> Batch:
             raise AssertionError("rendered again")
 
-        for name in ("tracer.renderer.TracerRenderer", "reference.renderer.ReferenceRenderer"):
+        for name in ("gpu.renderer.TracerRenderer", "reference.renderer.ReferenceRenderer"):
             monkeypatch.setattr(f"harness.{name}.render_batch", refuse)
         assert harness(command, sky, "--spp", 8, "-o", "again.exr").status == 0
         np.testing.assert_array_equal(read_estimate("again.exr")[0].mean, read_estimate("x.exr")[0].mean)
@@ -171,8 +171,8 @@ def test_the_machine_short_of_opengl_is_one_line_and_status_3(
     def lacking() -> None:
         raise MachineError("no headless OpenGL 4.3; type: apt-get install -y libegl1")
 
-    monkeypatch.setattr("harness.tracer.renderer.context", lacking)
-    monkeypatch.setattr("harness.tracer.context.context", lacking)
+    monkeypatch.setattr("harness.gpu.renderer.context", lacking)
+    monkeypatch.setattr("harness.gpu.context.context", lacking)
     done = harness("render", sky, "--spp", 2)
     assert done.status == 3
     assert done.err == "harness: error: no headless OpenGL 4.3; type: apt-get install -y libegl1\n"

@@ -12,8 +12,9 @@ from typing import Any
 import pytest
 
 from harness import bench, files, studies
+from harness.policy import fail_level
 from harness.results import StudyResult
-from harness.runs import fail_level
+from harness.studies.study import study as honest_study
 from tests.cli.conftest import SKY, Harness
 
 ROW = bench.Row("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.0, opponent_rate=2.0, ratio=6.0, low=5.5,
@@ -55,7 +56,7 @@ def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
     def refuse(*arguments: object, **options: object) -> None:
         raise AssertionError("a renderer was made")
 
-    for name in ("harness.studies.TracerRenderer", "harness.runs.ReferenceRenderer"):
+    for name in ("harness.studies.study.TracerRenderer", "harness.work.run.ReferenceRenderer"):
         monkeypatch.setattr(name, refuse)
     second = harness("report", sky, "-o", "elsewhere")
     for done, folder in ((first, "out"), (second, "elsewhere")):
@@ -93,7 +94,7 @@ class TestCache:
         def refuse(*arguments: object) -> None:
             raise AssertionError("rendered again")
 
-        for name in ("tracer.renderer.TracerRenderer", "reference.renderer.ReferenceRenderer"):
+        for name in ("gpu.renderer.TracerRenderer", "reference.renderer.ReferenceRenderer"):
             monkeypatch.setattr(f"harness.{name}.render_batch", refuse)
         sky.write_text(SKY.replace('value="-1"', 'value="1"'))
         harness("report", sky, "-o", "out")
@@ -125,15 +126,14 @@ def test_a_verdict_that_is_not_pass_is_named_and_makes_the_status_1(
     harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Built],
 ) -> None:
     def biased(*arguments: object, **options: object) -> StudyResult:
-        result = honest(*arguments, **options)  # type: ignore[arg-type]
+        result = honest_study(*arguments, **options)  # type: ignore[arg-type]
         items = [dataclasses.replace(item, verdict=dataclasses.replace(item.verdict, outcome=outcome), suits=suits)
                  for item, outcome, suits in zip(
                      result.strategies, ("fail", "inconclusive", "fail", "pass", "pass"),
                      (True, True, False, True, True), strict=True)]
         return dataclasses.replace(result, strategies=tuple(items))
 
-    honest = studies.study
-    monkeypatch.setattr(studies, "study", biased)
+    monkeypatch.setattr("harness.studies.study.study", biased)
     done = harness("report", sky, "-o", "out")
     assert done.status == 1
     assert done.err == "warning: sky uniform: fail\nwarning: sky cosine: inconclusive\n"
@@ -145,15 +145,14 @@ def test_a_tile_that_fails_makes_the_status_1_and_an_undecided_one_does_not(
     harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Built],
 ) -> None:
     def spoilt(*arguments: object, **options: object) -> StudyResult:
-        result = honest(*arguments, **options)  # type: ignore[arg-type]
+        result = honest_study(*arguments, **options)  # type: ignore[arg-type]
         items = []
         for item, outcome in zip(result.strategies, ("fail", "inconclusive", "pass", "pass", "pass"), strict=True):
             tiles = dataclasses.replace(item.tiles, fine=dataclasses.replace(item.tiles.fine, outcome=outcome))
             items.append(dataclasses.replace(item, tiles=tiles))
         return dataclasses.replace(result, strategies=tuple(items))
 
-    honest = studies.study
-    monkeypatch.setattr(studies, "study", spoilt)
+    monkeypatch.setattr("harness.studies.study.study", spoilt)
     done = harness("report", sky, "-o", "out", "--json")
     assert done.status == 1
     assert done.err == "warning: sky uniform: fail in tiles\n"
@@ -198,7 +197,7 @@ class TestExhibits:
             calls.append(1)
             return ()
 
-        monkeypatch.setattr("harness.exhibits.measure_exhibits", measure)
+        monkeypatch.setattr("harness.course.measure_exhibits", measure)
         folder = sky.parent / "scenes"
         folder.mkdir()
         sky.rename(folder / "sky.xml")

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.estimate import Estimate
-from harness.exr import write_estimate
-from harness.report import load_study
+from harness.samples.estimate import Estimate
+from harness.samples.exr import write_estimate
 from harness.scene import load_scene
+from harness.studies.storage import load_study
 from tests.cli.conftest import SKY, Harness, refusal
 
 BRIEF = ("--spp", 8, "--replicas", 2)
@@ -92,7 +92,7 @@ class TestReference:
         def refuse(*arguments: object) -> None:
             raise AssertionError("Mitsuba was asked")
 
-        monkeypatch.setattr("harness.runs.ReferenceRenderer", refuse)
+        monkeypatch.setattr("harness.work.run.ReferenceRenderer", refuse)
 
     def test_is_taken_as_it_is(self, harness: Harness, sky: Path) -> None:
         done = harness("study", sky, *BRIEF, "-s", "mixture", "--reference", reference(sky), "--json")
@@ -151,6 +151,6 @@ def test_a_second_study_renders_nothing(harness: Harness, sky: Path, monkeypatch
     def refuse(*arguments: object) -> None:
         raise AssertionError("rendered again")
 
-    for name in ("tracer.renderer.TracerRenderer", "reference.renderer.ReferenceRenderer"):
+    for name in ("gpu.renderer.TracerRenderer", "reference.renderer.ReferenceRenderer"):
         monkeypatch.setattr(f"harness.{name}.render_batch", refuse)
     assert harness("study", sky, *BRIEF, "--json").json == first

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from harness.mitsuba_runtime import use_reference_variant
+from harness.machine.mitsuba_runtime import use_reference_variant
 from harness.reference.plugins import register_plugins
 
 

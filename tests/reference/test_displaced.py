@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from harness.api import render, render_reference
 from harness.errors import StoreError
+from harness.policy import judge
 from harness.reference.displaced import cube_sphere, mesh_file, normal_error, write_ply
 from harness.reference.prepare import instantiate
-from harness.runs import judge, render, render_reference
 from harness.scene import load_scene
 from harness.scene.displaced import normal, radius
 from harness.scene.model import Displacement, Procedural, as_matrix

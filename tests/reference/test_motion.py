@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.estimate import Batch, merge
 from harness.files import data_dir
 from harness.reference import ReferenceRenderer
 from harness.reference.motion import SAMPLES_PER_MOMENT, moment, moments, radical_inverse, samples_per_moment
 from harness.reference.prepare import instantiate
+from harness.samples.estimate import Batch, merge
 from harness.scene import Scene, load_scene
 from harness.scene.motion import moving
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from harness.errors import HarnessError, SceneError
-from harness.estimate import Estimate, merge
 from harness.files import data_dir
 from harness.reference import ReferenceRenderer, prepare
 from harness.reference.prepare import instantiate
 from harness.reference.renderer import REPLICA_BITS, START_BITS, average, call_seed
+from harness.samples.estimate import Estimate, merge
 from harness.scene import Scene, load_scene
 
 # Standard errors allowed between two means: seeds are fixed, so this asks how lucky the seeds are, once.

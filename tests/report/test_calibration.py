@@ -15,7 +15,7 @@ from harness.report.content import CalibrationChapter, SuiteSection
 from harness.report.suite import suite_section
 from harness.results import StudyResult
 from harness.stats.calibration import SUBJECTS
-from tests.made_calibration import calibration
+from tests.support.calibration import calibration
 
 
 def chapter(excessive: int = 0) -> CalibrationChapter:

@@ -11,7 +11,7 @@ from harness.report import formats
 from harness.report.document import compose, typeset
 from harness.report.html import html_page
 from harness.report.mutants import mutants_chapter
-from tests.report.synthetic import study_result
+from tests.support.report import study_result
 
 
 def matrix(**states: tuple[str, str, str]) -> dict[str, Any]:

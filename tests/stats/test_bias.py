@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from harness.errors import HarnessError
-from harness.estimate import LUMINANCE
+from harness.samples.estimate import LUMINANCE
 from harness.stats.bias import MeanErrorVerdict, error_scale, mean_error_verdict
 
 ONE = np.ones(4)

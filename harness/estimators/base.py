@@ -1,0 +1,47 @@
+"""What an estimator is: a description of what is judged or held against, and the renderer that it opens on a scene.
+
+To add an estimator, write a frozen dataclass with `name` and `open` into a file of its own in this room. Whatever its
+renderer holds (a GL program, a Mitsuba scene, a process) is let go of where the `with` ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from typing import Protocol
+
+from harness.progress import Advance
+from harness.samples.estimate import Batch
+from harness.samples.traits import Traits
+from harness.scene.file import SceneFile
+
+
+class Renderer(Protocol):
+    """What renders batches of one scene; live only inside the `with` that opened it."""
+
+    @property
+    def identity(self) -> Mapping[str, str]:
+        """All that a batch depends on besides replica and sample range; a flat mapping, hashed by the store."""
+        ...
+
+    @property
+    def traits(self) -> Traits:
+        """What can be asked of it."""
+        ...
+
+    def render_batch(self, replica: int, start: int, count: int, advance: Advance | None = None) -> Batch:
+        """Samples start … start+count-1 per pixel of one replica. HarnessError for a range that it has not."""
+        ...
+
+
+class Estimator(Protocol):
+    """A description of what is judged, or of what it is held against: frozen, hashable, picklable."""
+
+    @property
+    def name(self) -> str:
+        """What tables and messages call it: `mixture`, `mitsuba path`, `myrt`, …"""
+        ...
+
+    def open(self, scene: SceneFile) -> AbstractContextManager[Renderer]:
+        """The renderer of this estimator on a scene. HarnessError where it cannot render the scene."""
+        ...

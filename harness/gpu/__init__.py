@@ -1,0 +1,1 @@
+"""moderngl, and nobody else: context, programs, ping-pong, probes."""

@@ -1,0 +1,67 @@
+"""The images that a scene's shader reads: GL textures, and which texture unit each is bound to."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from harness.errors import HarnessError
+from harness.gpu.context import context
+from harness.scene.bitmaps import bitmap_texels, environment_texels
+from harness.scene.model import EnvironmentMap, Scene
+from harness.shader.scene.bitmaps import images
+from harness.shader.scene.environment import SAMPLER
+
+
+class Samplers:
+    """The textures of one scene, by the name of their uniform; bound anew for each draw, so that many scenes coexist.
+
+    RGBA, since llvmpipe reads it a third faster than RGB, and float32, since it filters 8-bit formats in 8 bits.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Read and upload the files. Raises SceneError where they changed, HarnessError where they do not fit GL."""
+        self._textures: dict[str, moderngl.Texture] = {}
+        gl = context()
+        units = int(gl.info["GL_MAX_TEXTURE_IMAGE_UNITS"]) - 1  # one is the renderer's own
+        bitmaps = images(scene.shapes)
+        environment = scene.environment if isinstance(scene.environment, EnvironmentMap) else None
+        if len(bitmaps) + (environment is not None) > units:
+            raise HarnessError(f"scene '{scene.name}' has {len(bitmaps)} bitmaps; this device reads {units} images at "
+                               "most in one shader, the environment map among them")
+        try:
+            for index, bitmap in enumerate(bitmaps):
+                texture = self._upload(f"bitmap{index}", bitmap.path.name, bitmap_texels(bitmap))
+                mode = moderngl.NEAREST if bitmap.filter_type == "nearest" else moderngl.LINEAR
+                texture.filter = (mode, mode)
+                texture.repeat_x = texture.repeat_y = bitmap.wrap_mode == "repeat"
+            if environment is not None:
+                texture = self._upload(SAMPLER, environment.path.name, environment_texels(environment))
+                texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+                texture.repeat_x, texture.repeat_y = True, False
+        except BaseException:
+            self.release()
+            raise
+
+    def bind(self, first_unit: int) -> dict[str, int]:
+        """Bind each texture to a unit from `first_unit` on; the uniforms' values."""
+        for unit, texture in enumerate(self._textures.values(), start=first_unit):
+            texture.use(unit)
+        return {name: unit for unit, name in enumerate(self._textures, start=first_unit)}
+
+    def release(self) -> None:
+        """Free the GL objects."""
+        for texture in self._textures.values():
+            texture.release()
+
+    def _upload(self, name: str, file: str, texels: np.ndarray) -> moderngl.Texture:
+        gl = context()
+        height, width = texels.shape[:2]
+        largest = int(gl.info["GL_MAX_TEXTURE_SIZE"])
+        if max(width, height) > largest:
+            raise HarnessError(f"'{file}' has {width} x {height} texels; this device takes {largest} a side at most, "
+                               "scale it down")
+        rgba = np.ones((height, width, 4), dtype=np.float32)
+        rgba[..., :3] = texels
+        self._textures[name] = gl.texture((width, height), 4, rgba.data, dtype="f4")
+        return self._textures[name]

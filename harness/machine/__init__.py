@@ -1,0 +1,1 @@
+"""What this machine has and lacks: set-up, diagnosis, the runtime that Mitsuba needs."""

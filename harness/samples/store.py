@@ -1,0 +1,155 @@
+"""The batch store: rendered batches on disk, found again by the content that they depend on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from harness.errors import HarnessError, StoreError
+from harness.files import write_atomically
+from harness.samples.estimate import Batch
+from harness.samples.exr import read_batch, write_batch
+
+# Samples per pixel of the longest batch; within what one Mitsuba pass can sum in float32 without visible rounding.
+LONGEST_BATCH = 128
+# Bytes on disk beyond which the batches unused for longest are removed.
+DEFAULT_LIMIT = 8 * 2**30
+# A prune goes this far below the limit, so that the next batch does not start another.
+PRUNE_TO = 0.9
+
+_log = logging.getLogger(__name__)
+
+
+def schedule(samples: int) -> list[tuple[int, int]]:
+    """Batches (start, count) of a run of `samples` samples per pixel: 1, 1, 2, 4, … 64, then 128 each.
+
+    The first batches double what came before, so that each power of two up to 128 is a prefix of the run: the points
+    of a convergence curve. The rule does not depend on the total, so a longer run begins with the batches of a
+    shorter one and finds them in the store; only the last batch is cut to meet the total exactly. HarnessError for
+    fewer than one sample.
+    """
+    if samples < 1:
+        raise HarnessError(f"samples per pixel must be at least 1, found {samples}")
+    batches = []
+    start = 0
+    while start < samples:
+        count = min(max(start, 1), LONGEST_BATCH, samples - start)
+        batches.append((start, count))
+        start += count
+    return batches
+
+
+class Store:
+    """Batches in `root`, one EXR file each: `<2 digits>/<key>/<replica>-<start>-<count>.exr`.
+
+    The key is a hash of a flat mapping of everything that a batch depends on besides replica and sample range; the
+    mapping stands beside the batches as `key.json`. Files are replaced atomically, so any number of processes may
+    share a store. When it outgrows `limit` bytes, the batches unused for longest are removed.
+    """
+
+    def __init__(self, root: str | Path, limit: int = DEFAULT_LIMIT) -> None:
+        self.root = Path(root)
+        self.limit = limit
+        self._size: int | None = None  # as far as this process knows; counted at the first write
+
+    def get(self, key: Mapping[str, str], replica: int, start: int, count: int) -> Batch | None:
+        """The stored batch, or None. A damaged file is reported in one line, removed, and taken for absent."""
+        path = self._path(key, replica, start, count)
+        try:
+            if not path.exists():
+                return None
+            batch = read_batch(path)
+        except StoreError as error:
+            if path.exists():  # else another process has just removed it
+                _log.warning("%s; removed, its samples are rendered again", str(error).partition(";")[0])
+                _remove(path)
+            return None
+        _touch(path)
+        return batch
+
+    def put(self, key: Mapping[str, str], replica: int, start: int, count: int, batch: Batch) -> None:
+        """Store a batch. StoreError when it cannot be written; ValueError when it holds another number of samples."""
+        if batch.samples != count:
+            raise ValueError(f"expected a batch of {count} samples, found {batch.samples}")
+        path = self._path(key, replica, start, count)
+        if not path.with_name("key.json").exists():
+            with write_atomically(path.with_name("key.json")) as partial:
+                partial.write_text(json.dumps(dict(key), indent=2, sort_keys=True, ensure_ascii=False) + "\n", "utf-8")
+        write_batch(path, batch, {"replica": replica, "start": start, "spp": count})
+        self._account(batch.mean.nbytes)
+
+    def get_or_render(self, key: Mapping[str, str], replica: int, start: int, count: int,
+                      render: Callable[[], Batch]) -> Batch:
+        """The stored batch, or the one that `render` returns, which is then stored.
+
+        Either way the pixels are the same float32 numbers, so a run from a warm store repeats a cold one exactly.
+        """
+        batch = self.get(key, replica, start, count)
+        if batch is None:
+            fresh = render()
+            batch = Batch(fresh.mean.astype(np.float32), fresh.samples, fresh.rejected, fresh.cpu_seconds)
+            self.put(key, replica, start, count, batch)
+        return batch
+
+    def size(self) -> int:
+        """Bytes that the batches take."""
+        return sum(size for _, size, _ in self._files())
+
+    def prune(self, limit: int) -> int:
+        """Remove the batches unused for longest until at most `limit` bytes are left; returns the bytes removed."""
+        files = sorted(self._files())
+        left = sum(size for _, size, _ in files)
+        removed = 0
+        for _, size, path in files:
+            if left - removed <= limit:
+                break
+            _remove(path)
+            removed += size
+        self._size = left - removed
+        return removed
+
+    def _path(self, key: Mapping[str, str], replica: int, start: int, count: int) -> Path:
+        canonical = json.dumps(dict(key), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+        digest = hashlib.sha256(canonical.encode()).hexdigest()
+        return self.root / digest[:2] / digest / f"{replica}-{start}-{count}.exr"
+
+    def _account(self, written: int) -> None:
+        """Count bytes just written (noise hardly compresses), and prune when the store has outgrown its limit."""
+        self._size = self.size() if self._size is None else self._size + written
+        if self._size > self.limit:
+            removed = self.prune(int(PRUNE_TO * self.limit))
+            _log.warning("%s: removed %.2g GiB of old batches to stay below %.2g GiB", self.root, removed / 2**30,
+                         self.limit / 2**30)
+
+    def _files(self) -> Iterator[tuple[float, int, Path]]:
+        """(time of last use, bytes, path) of every batch, whatever other processes remove meanwhile.
+
+        What a killed process left half-written counts too, and so goes the way of old batches.
+        """
+        for path in self.root.glob("??/*/*.exr"):
+            try:
+                status = path.stat()
+            except FileNotFoundError:
+                continue
+            yield status.st_mtime, status.st_size, path
+
+
+def _touch(path: Path) -> None:
+    """Note that a file was used; a read-only store, or a file removed meanwhile, only loses the note."""
+    try:
+        os.utime(path)
+    except OSError:
+        _log.debug("%s: last use could not be noted", path)
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        _log.warning("%s: cannot be removed (%s)", path, error.strerror or error)

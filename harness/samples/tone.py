@@ -1,0 +1,15 @@
+"""From linear radiance to what a display shows: exposure, clipping, the sRGB curve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+def encode_srgb(image: ArrayLike, exposure: float = 0.0) -> np.ndarray:
+    """Linear Rec.709 (..., 3) to display values in [0, 1]: times 2^exposure (stops), clipped, sRGB-encoded.
+
+    The transfer function is that of IEC 61966-2-1. NaN stays NaN, infinity becomes white.
+    """
+    linear = np.clip(np.asarray(image, dtype=np.float64) * 2.0**exposure, 0.0, 1.0)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear**(1 / 2.4) - 0.055)

@@ -1,0 +1,1 @@
+"""From a `Scene` to the GLSL chunk `scene.glsl`, a topic a file."""

@@ -1,0 +1,70 @@
+"""From a `Scene` to the GLSL chunk `scene.glsl`: the scene as literals, the fastest form measured.
+
+The chunk defines what `lib/path.glsl` and `lib/camera.glsl` expect: MAX_DEPTH, the HAS_… switches, the camera's
+constants, and intersect_scene, surface_normal, surface_uv, material, emission, is_two_sided and environment; where
+something moves, set_time, to_rest and from_rest too.
+"""
+
+from __future__ import annotations
+
+from harness.scene.model import EnvironmentMap, Scene
+from harness.scene.motion import settled
+from harness.shader.scene.displaced import displaced, march_declarations
+from harness.shader.scene.environment import environment_function
+from harness.shader.scene.geometry import intersect_function, normal_function
+from harness.shader.scene.literals import in_comment, number, vector
+from harness.shader.scene.materials import emission_function, material_function, switches, two_sided_function
+from harness.shader.scene.motion import Motions
+from harness.shader.scene.textures import declarations, uv_users
+from harness.shader.scene.uv import uv_function
+
+
+def scene_chunk(scene: Scene, strategy: str) -> str:
+    """The text of `scene.glsl` for one scene and strategy; ends in a newline."""
+    scene = settled(scene)
+    shapes = scene.shapes
+    motions = Motions.of(scene)
+    has = {**switches(shapes), "HAS_LENS": int(scene.camera.aperture_radius > 0),
+           "HAS_MOTION": int(bool(motions.shapes)), "HAS_DISPLACED": int(bool(displaced(shapes))),
+           "HAS_ENVIRONMENT_MAP": int(isinstance(scene.environment, EnvironmentMap))}
+    defines = {"STRATEGY": f"STRATEGY_{strategy.upper()}", "MAX_DEPTH": scene.max_depth, **has}
+    parts = [
+        f"// Generated from the scene '{in_comment(scene.name)}' for the strategy '{strategy}'.",
+        *(f"#define {name} {value}" for name, value in defines.items()),
+        '#include "lib/phong.glsl"',
+        '#include "lib/shapes.glsl"',
+        "",
+        *_camera(scene),
+        *declarations(shapes),
+        *motions.declarations(),
+        *march_declarations(shapes, motions),
+        *intersect_function(shapes, motions),
+        *normal_function(shapes),
+        *uv_function(shapes, uv_users(shapes)),
+        *material_function(shapes),
+    ]
+    if has["HAS_EMISSION"]:
+        parts += emission_function(shapes)
+    if has["HAS_TWO_SIDED"]:
+        parts += two_sided_function(shapes)
+    parts += environment_function(scene.environment)
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def _camera(scene: Scene) -> list[str]:
+    camera = scene.camera
+    left, up, forward, origin = (camera.matrix[:3, column] for column in range(4))
+    constants: dict[str, tuple[str, str]] = {
+        "CAMERA_ORIGIN": ("vec3", vector(origin)),
+        "CAMERA_LEFT": ("vec3", vector(left)),
+        "CAMERA_UP": ("vec3", vector(up)),
+        "CAMERA_FORWARD": ("vec3", vector(forward)),
+        "CAMERA_TAN": ("vec2", vector((camera.tan_x, camera.tan_y))),
+        "CAMERA_OFFSET": ("vec2", vector(camera.principal_point)),
+        "CAMERA_NEAR": ("float", number(camera.near_clip)),
+        "CAMERA_FAR": ("float", number(camera.far_clip)),
+    }
+    if camera.aperture_radius > 0:
+        constants["CAMERA_APERTURE"] = "float", number(camera.aperture_radius)
+        constants["CAMERA_FOCUS"] = "float", number(camera.focus_distance)
+    return [*(f"const {kind} {name} = {value};" for name, (kind, value) in constants.items()), ""]

@@ -1,0 +1,5 @@
+"""Convergence studies: several strategies on one scene against one reference, as curves, verdicts and costs."""
+
+from harness.studies.plan import PROFILES, Profile, exhibited_strategies, judged
+
+__all__ = ["PROFILES", "Profile", "exhibited_strategies", "judged"]

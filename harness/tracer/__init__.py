@@ -1,1 +1,0 @@
-"""The GLSL side: source assembly, scene to GLSL, headless rendering, probes."""

@@ -1,0 +1,68 @@
+"""Batches of one renderer through the store, in its fixed schedule, and what they merge into."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from harness.errors import HarnessError
+from harness.estimators.base import Renderer
+from harness.progress import Advance
+from harness.samples.estimate import Accumulator, Batch, Estimate
+from harness.samples.store import Store, schedule
+
+# Equal batches that a run is cut into at the least, for its variance; see `equal_batches`.
+MIN_EQUAL_BATCHES = 8
+
+
+def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
+            advance: Advance = lambda n: None) -> Iterator[Batch]:
+    """The first `samples` samples per pixel of one replica, batch by batch in the store's fixed schedule.
+
+    What the store already holds is read, the rest rendered and kept. HarnessError for fewer than one sample.
+    """
+    if samples < 1:
+        raise HarnessError(f"samples per pixel must be at least 1, found {samples}")
+    identity = dict(renderer.identity)
+    for start, count in schedule(samples):
+        def render(start: int = start, count: int = count) -> Batch:
+            return renderer.render_batch(replica, start, count)
+
+        yield store.get_or_render(identity, replica, start, count, render) if store else render()
+        advance(count)
+
+
+def equal_batches(run: Iterable[Batch], samples: int) -> Iterator[Batch]:
+    """The small batches that a run begins with, merged until all are about equal and there are enough of them.
+
+    The variance by batch means is unbiased for unequal batches too, but the smallest batches of a heavy-tailed
+    estimator are the noisiest witnesses of its variance, and merging them loses no more than a few degrees of freedom.
+    """
+    size = max(1, samples // MIN_EQUAL_BATCHES)
+    pending: list[Batch] = []
+    for batch in run:
+        pending.append(batch)
+        if sum(b.samples for b in pending) >= min(size, schedule(samples)[-1][1]):
+            yield _merged(pending)
+            pending = []
+    if pending:
+        yield _merged(pending)
+
+
+def render_estimate(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
+                    advance: Advance = lambda n: None) -> Estimate:
+    """Mean and variance of `samples` samples per pixel of one replica."""
+    accumulator = Accumulator()
+    for batch in equal_batches(batches(renderer, samples, replica=replica, store=store, advance=advance), samples):
+        accumulator.add(batch)
+    return accumulator.estimate()
+
+
+def _merged(parts: Sequence[Batch]) -> Batch:
+    if len(parts) == 1:
+        return parts[0]
+    samples = sum(part.samples for part in parts)
+    total = sum(part.mean.astype(np.float64) * part.samples for part in parts)
+    return Batch(np.asarray(total / samples), samples, sum(part.rejected for part in parts),
+                 sum(part.cpu_seconds for part in parts))

@@ -1,0 +1,19 @@
+"""The versions of all that numbers depend on."""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+
+from harness.gpu.context import describe_gl
+
+
+def versions() -> dict[str, str]:
+    """Versions of all that numbers depend on: packages, Python, the GL driver."""
+    packages = ("glsl-validation-harness", "mitsuba", "drjit", "moderngl", "numpy", "scikit-image",
+                "flip-evaluator")
+    return {
+        **{name: metadata.version(name) for name in packages},
+        "python": platform.python_version(),
+        **describe_gl(),
+    }

@@ -1,0 +1,83 @@
+"""A run: the replicas of one renderer as far as they were drawn, as an image and as tiles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.estimators.base import Renderer
+from harness.progress import Advance
+from harness.reference.renderer import ReferenceRenderer
+from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminance
+from harness.samples.store import LONGEST_BATCH, Store
+from harness.scene import Scene
+from harness.stats.tiles import TileAccumulator, TileSamples, tile_size, tile_sums
+
+# Batches that a reference is drawn in at the least, where it has so many samples: see `stats.tiles.TileSamples`.
+REFERENCE_BATCHES = 32
+
+
+class Run:
+    """The replicas 0, 1, … of one renderer as far as they were drawn: one batch of `spp` samples per pixel each."""
+
+    def __init__(self, renderer: Renderer, spp: int, tile: int, store: Store | None = None) -> None:
+        self.renderer, self.spp, self.store = renderer, spp, store
+        self.replicas = 0
+        self._identity = dict(renderer.identity)
+        self._image = Accumulator()
+        self._tiles = TileAccumulator(tile)
+
+    def grow(self, replicas: int, advance: Advance = lambda n: None) -> None:
+        """Draw, or read from the store, up to so many replicas; `advance` is told the samples per pixel of each."""
+        while self.replicas < replicas:
+            batch = self._batch(self.replicas)
+            self._image.add(batch)
+            self._tiles.add(with_luminance(batch.mean), batch.samples)
+            self.replicas += 1
+            advance(self.spp)
+
+    def tiles(self, replicas: int | None = None) -> TileSamples:
+        """The first so many replicas, or all, reduced to tiles; no more than were drawn."""
+        return self._tiles.samples().first(self.replicas if replicas is None else replicas)
+
+    def estimate(self) -> Estimate:
+        """All that was drawn."""
+        return self._image.estimate()
+
+    def _batch(self, replica: int) -> Batch:
+        def render() -> Batch:
+            return self.renderer.render_batch(replica, 0, self.spp)
+
+        return self.store.get_or_render(self._identity, replica, 0, self.spp, render) if self.store else render()
+
+
+def tiles_of(estimate: Estimate, tile: int) -> TileSamples:
+    """Batches as they might have been of which a stored estimate is the mean.
+
+    The file has each pixel's mean and variance but not the batches. Pixels are independent (box filter, independent
+    sampler), so the variances of tiles are known; as many normal batches as there were are drawn around the mean, and
+    scaled such that each tile's own moments are just these. Their skewness is lost. Of an unknown variance there is
+    one batch, which knows no variance either.
+    """
+    image = with_luminance(estimate.mean)
+    if estimate.batches == 0:
+        return TileSamples.exact(image, tile)
+    pixels = tile_sums(np.ones((*image.shape[:2], 1)), tile)
+    means = tile_sums(image, tile) / pixels
+    if estimate.batches < 2 or np.isnan(estimate.variance).any():
+        return TileSamples(means[None], np.array([max(estimate.samples, 1.0)]), tile, *image.shape[:2])
+    variance = np.concatenate([estimate.variance, estimate.luminance_variance[..., None]], axis=-1)
+    sigma = np.sqrt(tile_sums(variance, tile)) / pixels
+    noise = np.random.default_rng(estimate.samples).standard_normal((estimate.batches, *sigma.shape[:2], 1))
+    noise -= noise.mean(axis=0)
+    noise /= np.sqrt((noise**2).sum(axis=0) / (estimate.batches * (estimate.batches - 1)))
+    return TileSamples(means + sigma * noise, np.full(estimate.batches, estimate.samples / estimate.batches), tile,
+                       *image.shape[:2])
+
+
+def reference_run(scene: Scene, spp: int, store: Store | None = None) -> Run:
+    """Mitsuba's image of the scene, to be drawn in replicas: so long that `REFERENCE_BATCHES` of them make `spp`.
+
+    Lengths are powers of two up to the longest batch, so that references of unequal length can share what is stored.
+    """
+    length = 2 ** max(0, (spp // REFERENCE_BATCHES).bit_length() - 1)
+    return Run(ReferenceRenderer(scene), min(length, LONGEST_BATCH), tile_size(scene.height, scene.width), store)

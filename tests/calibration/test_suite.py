@@ -1,0 +1,179 @@
+"""Simulated runs of gates: they end as real ones do, err as seldom as they should, and show it where they do not."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.calibration import suite
+from harness.calibration.suite import BUDGETS, GateBank, Simulation, first_true, gather, run_banks, simulate
+from harness.errors import HarnessError
+from harness.gates import Gate, GatesFile, load_gates, run_gate
+from harness.gates.references import Run
+from harness.stats.suites import PROMISED, SuiteRates
+from harness.stats.tiles import TileSamples, tile_size
+from harness.stats.verdicts import Tolerance
+from tests.support.fakes import NoiseRenderer
+from tests.support.gates import GATES, Noise, one_gate, write
+
+SIDE = 12
+# Of a sample of an image of that size: enough for some runs to be decided sooner than others.
+SOME_NOISE = 0.016
+# Gates that look at noise of 1 % a sample.
+FAMILY = "".join(f'''
+[[gate]]
+name = "sky-{number}"
+scene = "sky.xml"
+strategy = "cosine"
+reason = "Noise."
+''' for number in range(4))
+# A gate whose tolerance is nothing beside its noise: each of its tests rejects as often as its level says.
+STRICT = '''
+[suite]
+false_alarms = 0.1
+[defaults]
+size = [12, 12]
+spp = 1
+reference = { value = [0.5, 0.5, 0.5] }
+tolerance = { mean = 1e-6, coarse = 1e-6, fine = 1e-6 }
+''' + FAMILY
+
+
+def noise(gate: Gate, seed: int = 0, bias: float = 0.0, sigma: float = 0.01, replicas: int = 128) -> TileSamples:
+    """Replicas of a renderer of known noise, as tiles of the gate."""
+    width, height = gate.size or (0, 0)
+    run = Run(NoiseRenderer(0.5 * (1 + bias), sigma, (height, width)), 1, tile_size(height, width))
+    run.replicas = seed  # another stream
+    run.grow(seed + replicas)
+    return run.tiles(replicas)
+
+
+def small(gate: Gate) -> Gate:
+    """The gate at another size."""
+    return dataclasses.replace(gate, size=(SIDE, SIDE))
+
+
+def bank(gate: Gate, seed: int = 0, sigma: float = 0.01) -> GateBank:
+    """A bank against a closed form."""
+    width, height = gate.size or (0, 0)
+    exact = TileSamples.exact(np.full((height, width, 4), 0.5), tile_size(height, width))
+    return suite._bank(gate, noise(gate, seed, sigma=sigma), exact)
+
+
+class TestEndings:
+    """What a simulated run comes to."""
+
+    @pytest.mark.parametrize(("bias", "sigma", "ending"), [
+        (0.0, 0.01, "pass"), (0.0, 0.05, "pass"), (0.01, 0.01, "fail"), (0.002, 0.01, "inconclusive"),
+        (0.0, 1.0, "refused"), (0.5, 0.3, "fail")])
+    def test_is_what_a_real_run_of_the_same_replicas_comes_to(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bias: float, sigma: float, ending: str,
+    ) -> None:
+        """One run that draws the replicas 0, 1, … in their order, and `run_gate` of the renderer that they are of."""
+        gate = one_gate(tmp_path)
+        monkeypatch.setattr(suite, "draws", lambda size, replicas, runs, stream: np.arange(replicas)[None])
+        exact = TileSamples.exact(np.full((40, 40, 4), 0.5), tile_size(40, 40))
+        drawn = GateBank(gate, noise(gate, bias=bias, sigma=sigma), exact, grows=False)
+        (outcome, share), = Simulation(drawn, 1).endings(np.arange(1))
+        assert outcome == ending
+        if ending == "refused":
+            with pytest.raises(HarnessError, match="too small to decide"):
+                run_gate(gate, renderer=Noise(bias, sigma))
+        else:
+            real = run_gate(gate, renderer=Noise(bias, sigma))
+            assert (outcome, share) == (real.outcome, real.test.samples / 64)
+
+    def test_does_not_depend_on_the_runs_around(self, tmp_path: Path) -> None:
+        simulation = Simulation(bank(small(one_gate(tmp_path)), sigma=SOME_NOISE), 20)
+        together = simulation.endings(np.arange(20))
+        assert len({share for _, share in together}) > 1
+        alone = [ending for run in range(20) for ending in simulation.endings(np.array([run]))]
+        assert alone == together
+
+
+class TestRates:
+    """False alarms of a whole file."""
+
+    def measured(self, folder: Path) -> SuiteRates:
+        family = load_gates(write(folder, STRICT))
+        return run_banks(family, [bank(gate, 1000 * number) for number, gate in enumerate(family.gates)], 40)
+
+    def test_are_no_more_than_asked_for_but_where_the_rate_is_not_shared(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        """Among gates, and among the three tests of each. No budget is too small here, or gates with such tolerances
+        would not get beyond their first look."""
+        monkeypatch.setattr(suite, "too_small", lambda *arguments: False)
+        monkeypatch.setattr(Simulation, "surely_seen", lambda self, where: None)
+        monkeypatch.setattr(suite, "BIASES", ())
+        found = self.measured(tmp_path)
+        assert found.red == found.runs == 40 and not found.excessive
+        for module in ("gates.parser", "stats.verdicts"):
+            monkeypatch.setattr(f"harness.{module}.family_level", lambda level, tests: level)
+        broken = self.measured(tmp_path)
+        assert broken.excessive and broken.failed > found.failed
+        assert max(gate.failed for gate in broken.gates) < broken.failed < sum(gate.failed for gate in broken.gates)
+
+
+class TestPower:
+    """What it takes to be noticed."""
+
+    def test_a_sharp_gate_sees_its_tolerances_and_little_less(self, tmp_path: Path) -> None:
+        """Noise of a hundredth of the tolerance of the mean, a tenth of that of a tile."""
+        found = simulate(bank(small(one_gate(tmp_path)), sigma=0.001), 20)
+        assert found.endings == ("pass",) * 20 and found.rates.undecided == 0 and not found.rates.flaky
+        assert found.rates.share == 0.25
+        assert 0.9 * 0.002 < (found.rates.sure_everywhere or 0.0) <= 0.002
+        assert 0.7 * 0.05 < (found.rates.sure_patch or 0.0) <= 1.1 * 0.05
+        by = {(each.where, each.gain): each for each in found.powers}
+        for where, promised in PROMISED.items():
+            assert by[where, promised].passed <= 1
+            assert by[where, 2 * promised].failed == by[where, 2 * promised].trials == 20
+
+    def test_a_gate_that_tolerates_all_is_blind_to_patches(self, tmp_path: Path) -> None:
+        gate = dataclasses.replace(small(one_gate(tmp_path)), tolerance=Tolerance(0.002, 1.0, 1.0))
+        found = simulate(bank(gate, sigma=0.001), 10)
+        assert not found.rates.sure("patch") and found.rates.sure("everywhere")
+        assert [each.passed for each in found.powers if each.where == "patch"] == [10, 10]
+
+
+@pytest.mark.parametrize("first", range(30))
+def test_the_smallest_that_is_seen_is_found_by_few_guesses(first: int) -> None:
+    asked: list[int] = []
+
+    def holds(rung: int) -> bool:
+        asked.append(rung)
+        return rung >= first
+
+    assert first_true(holds, 29, 14) == min(first, 29)
+    assert len(set(asked)) == len(asked) <= (4 if 12 < first < 16 else 8)
+
+
+class TestGather:
+    """The banks."""
+
+    def test_hold_replicas_of_both_sides_with_the_same_mean(self, tmp_path: Path) -> None:
+        family = load_gates(write(tmp_path, GATES.replace("{ value = [0.5, 0.5, 0.5] }", "{ spp = 1 }")))
+        gathered, = gather(family.gates)
+        assert len(gathered.test.samples) == BUDGETS * 64 and len(gathered.reference.samples) == 64
+        assert gathered.grows
+        np.testing.assert_array_equal(gathered.test.means.mean(axis=0), gathered.reference.means.mean(axis=0))
+
+    def test_of_samples_that_are_not_finite_are_refused(self, tmp_path: Path) -> None:
+        (tmp_path / "own.frag").write_text(
+            """uniform sampler2D pingpong0; uniform int numpass; uniform int samples_per_pass; in vec2 texcoord;
+            layout(location = 0) out vec4 sum;
+            void main() { sum = vec4(0.5, 0.5, 0.5, 0.0); }""")
+        gate = dataclasses.replace(one_gate(tmp_path), shader=tmp_path / "own.frag")
+        with pytest.raises(HarnessError, match="samples are not finite, with which the gate fails; mend that first"):
+            gather([gate])
+
+
+def test_a_process_finds_what_is_found_without(tmp_path: Path) -> None:
+    gate = small(one_gate(tmp_path))
+    family = GatesFile(tmp_path, (gate,), 0.01)
+    banks = [bank(gate, sigma=SOME_NOISE)]
+    assert run_banks(family, banks, 3, jobs=2) == run_banks(family, banks, 3)

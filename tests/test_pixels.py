@@ -1,0 +1,69 @@
+"""The pixels of every bundled scene by every strategy, as they were written down: a rearranged house keeps them.
+
+To write them down anew, after a change that is meant to change them: `python -m tests.test_pixels`, from the project's
+folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harness.files import data_dir
+from harness.gpu.context import describe_gl
+from harness.gpu.renderer import TracerRenderer
+from harness.samples.estimate import Batch
+from harness.scene import load_scene
+from harness.shader.strategies import STRATEGIES
+
+FILE = Path(__file__).with_name("pixels.json")
+WIDTH, HEIGHT, SAMPLES = 48, 36, 64
+# Other drivers round otherwise, which now and then sends a path elsewhere.
+OTHER_DRIVER = 1e-5
+RECORDED: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))
+SCENES = sorted({name.split()[0] for name in RECORDED["images"]})
+
+
+def drawn(scene: str, strategy: str) -> Batch:
+    """Samples 0 to 63 of replica 0."""
+    renderer = TracerRenderer(load_scene(data_dir("mitsuba_scenes") / f"{scene}.xml", width=WIDTH, height=HEIGHT),
+                              strategy)
+    try:
+        return renderer.render_batch(0, 0, SAMPLES)
+    finally:
+        renderer.release()
+
+
+def written_down(batch: Batch) -> dict[str, Any]:
+    """What is kept of a batch: a hash of its float32 pixels, little-endian, and the mean of each channel."""
+    return {"sha256": hashlib.sha256(batch.mean.astype("<f4").tobytes()).hexdigest(),
+            "mean": [float(value) for value in batch.mean.astype(np.float64).mean((0, 1))], "rejected": batch.rejected}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_pixels_are_what_they_were(scene: str, strategy: str) -> None:
+    """To the bit on the driver that drew them, else to 1e-5 of the mean."""
+    found, recorded = written_down(drawn(scene, strategy)), RECORDED["images"][f"{scene} {strategy}"]
+    if describe_gl() == RECORDED["driver"]:
+        assert found == recorded
+    else:
+        np.testing.assert_allclose(found["mean"], recorded["mean"], rtol=OTHER_DRIVER)
+
+
+def test_every_scene_is_written_down() -> None:
+    """Those of the exhibits too."""
+    folder = data_dir("mitsuba_scenes")
+    assert {path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.xml")} == set(SCENES)
+
+
+if __name__ == "__main__":
+    images = {f"{scene} {strategy}": written_down(drawn(scene, strategy))
+              for scene in SCENES for strategy in STRATEGIES}
+    FILE.write_text(json.dumps({"driver": describe_gl(), "size": [WIDTH, HEIGHT], "samples": SAMPLES,
+                                "images": images}, indent=1) + "\n", encoding="utf-8")
