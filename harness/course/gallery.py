@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import StoreError
+from harness.estimators.base import Renderer
+from harness.estimators.tracer import Tracer
 from harness.files import require_writable
-from harness.gpu.renderer import TracerRenderer
 from harness.progress import Progress, quiet
 from harness.samples.estimate import Batch
 from harness.samples.exr import read_estimate, write_batch
 from harness.samples.images import write_png
-from harness.scene import Scene
+from harness.scene import Scene, file_of
 
 # Seconds between two states of a picture on disk: what an interruption may cost, and how old the picture is at most.
 SAVE_SECONDS = 20.0
@@ -67,8 +68,7 @@ def render_picture(scene: Scene, spp: int, folder: Path, *, strategy: str = "mix
     exr, png = folder / f"{scene.name}.exr", folder / f"{scene.name}.png"
     for path in (exr, png):
         require_writable(path)
-    renderer = TracerRenderer(scene, strategy)
-    try:
+    with Tracer(strategy).open(file_of(scene)) as renderer:
         state = _State(scene, exr, png, _digest(renderer))
         resumed = written = state.samples
 
@@ -93,8 +93,6 @@ def render_picture(scene: Scene, spp: int, folder: Path, *, strategy: str = "mix
         if not png.exists():
             state.save()
         return picture()
-    finally:
-        renderer.release()
 
 
 class _State:
@@ -131,6 +129,6 @@ class _State:
         return self.samples
 
 
-def _digest(renderer: TracerRenderer) -> str:
+def _digest(renderer: Renderer) -> str:
     """What the pixels depend on besides the number of samples."""
-    return hashlib.sha256(json.dumps(renderer.identity, sort_keys=True).encode()).hexdigest()[:16]
+    return hashlib.sha256(json.dumps(dict(renderer.identity), sort_keys=True).encode()).hexdigest()[:16]

@@ -11,14 +11,14 @@ from harness.course import checks
 from harness.course.pictures import HEIGHT, WIDTH, mean_error, percentage
 from harness.course.texts import exhibit
 from harness.course.variants import NOISE, OURS, RANDOM, Variant
-from harness.files import data_dir
+from harness.estimators.tracer import Tracer
 from harness.metrics import rmse
 from harness.policy import judge
 from harness.reference.sine import sine
 from harness.results import Exhibit, ExhibitImage, Finding, Plot, Series
 from harness.samples.estimate import Accumulator, Estimate, luminance
 from harness.samples.store import Store
-from harness.scene import Scene, load_scene
+from harness.scene import Scene, SceneFile, load
 from harness.scene.noise import NUMPY, value_noise
 from harness.stats.convergence import band
 from harness.studies.study import study
@@ -41,7 +41,7 @@ SAME_TEXTURE = 1e-3
 
 def random_numbers(store: Store | None) -> Exhibit:
     """The seed in a float32, and the generator that is a sine."""
-    scene = load_scene(data_dir("mitsuba_scenes") / "spheres.xml", width=96, height=72)
+    scene = load(SceneFile.bundled("spheres", (96, 72)))
     truth = OURS.render(scene, "mixture", TRUTH_SPP, store)
     reference = render_reference(scene, 4 * NOISE_SPP, store=store)
     verdicts = [judge(variant.render(scene, "mixture", 2 * NOISE_SPP, store), reference) for _, variant in BOTH]
@@ -83,16 +83,13 @@ def _correlated(measures: str, fields: Sequence[np.ndarray], axis: int) -> Findi
 
 def _rmse_curve(variant: Variant, scene: Scene, truth: Estimate, store: Store | None) -> Series:
     """RMSE of one run at the powers of two up to CURVE_SPP passes, the truth's own noise taken off."""
-    renderer = variant.renderer(scene, "mixture")
     total, x, y = Accumulator(), [], []
-    try:
+    with Tracer("mixture", variant.library).open(scene.file) as renderer:
         for batch in batches(renderer, CURVE_SPP, replica=3, store=store):
             total.add(batch)
             if total.samples & (total.samples - 1) == 0:
                 x.append(total.samples)
                 y.append(rmse(total.mean, truth.mean, noise=truth.variance))
-    finally:
-        renderer.release()
     return Series("ours" if variant is OURS else "handout", variant is OURS, np.array(x), np.array(y))
 
 
@@ -101,11 +98,8 @@ def _noise(variant: Variant, scene: Scene, start: int, truth: Estimate) -> np.nd
 
     Its mean is taken off; it is 0 where there is nothing but sky.
     """
-    renderer = variant.renderer(scene, "mixture")
-    try:
+    with Tracer("mixture", variant.library).open(scene.file) as renderer:
         found = renderer.render_batch(3, start, NOISE_SPP).mean
-    finally:
-        renderer.release()
     mean, deviation = luminance(truth.mean), np.sqrt(truth.luminance_variance * (TRUTH_SPP / NOISE_SPP))
     noisy = deviation > ROUNDING * mean
     standard = np.where(noisy, luminance(found) - mean, 0) / np.where(noisy, deviation, 1)
@@ -228,7 +222,7 @@ def _grey(values: np.ndarray) -> np.ndarray:
 
 def convergence(store: Store | None) -> Exhibit:
     """Importance sampling reduces what the handout says it augments."""
-    scene = load_scene(data_dir("mitsuba_scenes") / "spheres.xml", width=WIDTH // 2, height=HEIGHT // 2)
+    scene = load(SceneFile.bundled("spheres", (WIDTH // 2, HEIGHT // 2)))
     result = study(scene, ("uniform", "mixture"), spp=256, replicas=4, max_replicas=4, reference_spp=1024, store=store)
     slow, fast = result.strategies
     ratios = (slow.rmse[:, -1] / fast.rmse[:, -1]) ** 2

@@ -12,13 +12,13 @@ from harness.course import checks
 from harness.course.texts import exhibit
 from harness.course.variants import BELOW, LOBE_PDF, OURS, REFLECT, REFLECT_REPAIRED, TANGENT, Variant
 from harness.errors import ShaderError
-from harness.files import data_dir
+from harness.estimators.tracer import Tracer
 from harness.metrics import signed_relative_difference
 from harness.policy import judge
 from harness.results import Exhibit, ExhibitImage, Finding, Plot, Series
 from harness.samples.estimate import Estimate, merge
 from harness.samples.store import Store
-from harness.scene import Scene, load_scene
+from harness.scene import Scene, SceneFile, load
 from harness.stats.bias import CHANNELS, MeanErrorVerdict
 
 # Samples per pixel that decide ±0.2 % on every scene here, and the size at which the report prints them.
@@ -36,7 +36,7 @@ Comparison = tuple[Scene, Estimate, Estimate, Estimate]  # handout's render, our
 @cache
 def scene_of(name: str) -> Scene:
     """A bundled scene at the size of the exhibits."""
-    return load_scene(data_dir("mitsuba_scenes") / f"{name}.xml", width=WIDTH, height=HEIGHT)
+    return load(SceneFile.bundled(name, (WIDTH, HEIGHT)))
 
 
 def mean_error(measures: str, handout: MeanErrorVerdict, ours: MeanErrorVerdict) -> Finding:
@@ -74,7 +74,7 @@ def lobe_pdf(store: Store | None) -> Exhibit:
 
 def _plates(variant: Variant) -> MeanErrorVerdict:
     """furnace_phong's four plates by lobe-only sampling against ks (α+1)/(α+2), their borders left out."""
-    scene = load_scene(data_dir("mitsuba_scenes") / "furnace_phong.xml", width=64, height=64)
+    scene = load(SceneFile.bundled("furnace_phong", (64, 64)))
     half = scene.width // 2
     inside = np.zeros(half, dtype=bool)
     inside[half // 8:-half // 8] = True
@@ -86,11 +86,8 @@ def _plates(variant: Variant) -> MeanErrorVerdict:
         row, column = divmod(index, 2)
         albedo = np.array(material.ks) * (material.alpha + 1) / (material.alpha + 2)
         exact[row * half:(row + 1) * half, column * half:(column + 1) * half] = albedo
-    renderer = variant.renderer(scene, "phong")
-    try:
+    with Tracer("phong", variant.library).open(scene.file) as renderer:
         batches = [renderer.render_batch(0, start, 32) for start in range(0, 8 * 32, 32)]
-    finally:
-        renderer.release()
     found = merge(dataclasses.replace(batch, mean=batch.mean[mask][None]) for batch in batches)
     return judge(found, Estimate.exact(exact[mask][None]))
 
@@ -98,10 +95,10 @@ def _plates(variant: Variant) -> MeanErrorVerdict:
 def compiler_message(variant: Variant) -> str:
     """What the driver says of the variant's path tracer, in our files and lines; nothing where it compiles."""
     try:
-        variant.renderer(scene_of("spheres"), "mixture").release()
+        with Tracer("mixture", variant.library).open(scene_of("spheres").file):
+            return ""
     except ShaderError as error:
         return str(error)
-    return ""
 
 
 def reflect(store: Store | None) -> Exhibit:

@@ -56,7 +56,7 @@ def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
     def refuse(*arguments: object, **options: object) -> None:
         raise AssertionError("a renderer was made")
 
-    for name in ("harness.studies.study.TracerRenderer", "harness.work.run.ReferenceRenderer"):
+    for name in ("harness.estimators.tracer.TracerRenderer", "harness.estimators.mitsuba.ReferenceRenderer"):
         monkeypatch.setattr(name, refuse)
     second = harness("report", sky, "-o", "elsewhere")
     for done, folder in ((first, "out"), (second, "elsewhere")):

@@ -21,10 +21,11 @@ from harness.course.variants import (
     TANGENT,
     Variant,
 )
+from harness.estimators.tracer import Tracer
 from harness.files import data_dir
 from harness.gpu.context import Program
-from harness.gpu.renderer import tracer_source
 from harness.scene import load_scene
+from harness.shader import library
 
 ROOT = data_dir("glsl")
 FILES = sorted((ROOT / "course").glob("*.glsl"))
@@ -68,15 +69,16 @@ def test_every_text_names_a_file_that_is_there() -> None:
 def test_the_tracer_compiles_with_the_handouts_functions(name: str) -> None:
     """It is another shader than ours, holds the handout's text, and our driver takes it."""
     scene, variant = load_scene(data_dir("mitsuba_scenes") / "furnace_phong.xml", width=16, height=16), VARIANTS[name]
-    source = variant.source(scene, "phong")
-    assert source.text != tracer_source(scene, "phong").text
-    assert all(chunk in dict(source.files) for chunk in variant.chunks)
+    source = variant.library.tracer(scene, "phong")
+    assert source.text != library.OURS.tracer(scene, "phong").text
+    assert all(chunk in dict(source.files) for chunk in variant.library.chunks)
+    assert variant.library.chunks
     Program(source).release()
 
 
 def test_without_chunks_the_shader_is_ours() -> None:
     scene = load_scene(data_dir("mitsuba_scenes") / "furnace_phong.xml", width=16, height=16)
-    assert OURS.source(scene, "mixture") == tracer_source(scene, "mixture")
+    assert OURS.library.tracer(scene, "mixture") == library.OURS.tracer(scene, "mixture")
 
 
 def test_the_maximum_of_a_vector_does_not_compile() -> None:
@@ -142,9 +144,8 @@ def test_frames_are_missing_along_the_diagonal_only() -> None:
 @pytest.mark.parametrize(("variant", "lost"), [(TANGENT, True), (OURS, False)])
 def test_samples_of_the_panel_are_not_finite(variant: Variant, lost: bool) -> None:
     scene = load_scene(data_dir("mitsuba_scenes") / "exhibits" / "tangent.xml", width=32, height=24)
-    renderer = variant.renderer(scene, "mixture")
-    batch = renderer.render_batch(0, 0, 16)
-    renderer.release()
+    with Tracer("mixture", variant.library).open(scene.file) as renderer:
+        batch = renderer.render_batch(0, 0, 16)
     assert (batch.rejected > 0.05 * 16 * 32 * 24) == lost
     assert bool((batch.mean == 0).any()) == lost and np.isfinite(batch.mean).all()
 

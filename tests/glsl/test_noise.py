@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.gpu.probes import evaluate
 from harness.reference.procedural import arithmetic
 from harness.scene.noise import NUMPY, Arithmetic, fbm, value_noise
+from tests.support.tracer import evaluate
 
 COUNT = 4000
 SEED = 3_000_000_019  # beyond 31 bits, and odd

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.gpu.probes import evaluate
 from harness.scene import Material
 from harness.shader.scene.materials import glossy_probability
 from harness.shader.strategies import STRATEGIES
+from tests.support.tracer import evaluate
 
 DIFFUSE = Material((0.8, 0.5, 0.2), (0, 0, 0), 1.0)
 MATERIALS = {

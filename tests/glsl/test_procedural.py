@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from harness.api import render, render_reference
-from harness.gpu.probes import evaluate
-from harness.gpu.renderer import TracerRenderer
 from harness.policy import judge
 from harness.reference.prepare import instantiate
 from harness.samples.estimate import Estimate
@@ -23,6 +21,7 @@ from harness.scene.procedural import KINDS, ramp
 from harness.scene.procedural import evaluate as formula
 from harness.shader.scene.chunk import scene_chunk
 from tests.support.scenes import SceneWriter
+from tests.support.tracer import TracerRenderer, evaluate
 
 SCENES = Path(__file__).parents[2] / "mitsuba_scenes"
 AGREEMENT = 1e-5  # of two float32 evaluations of one colour within [0, 1]
@@ -91,7 +90,7 @@ def test_shader_and_mitsuba_agree(mi: Any, scene: SceneWriter, seed: int) -> Non
     bodies = ['<ref id="shared"/>', full, '<ref id="shared"/>']
     made = scene(shared + "".join(f'<shape type="sphere">{place}{body}</shape>'
                                   for place, body in zip(PLACES, bodies, strict=True)))
-    twin = instantiate(made)  # must outlive what is computed from it
+    twin = instantiate(made.file)  # must outlive what is computed from it
     for index in range(3):
         found, expected = shader(made, index, points()), mitsuba(mi, twin.shapes()[index], points())
         for name, values in expected.items():

@@ -14,10 +14,10 @@ import pytest
 from scipy import stats
 
 from harness.course.variants import LOBE_PDF, OURS, Variant
-from harness.gpu.renderer import TracerRenderer
 from harness.reference.plugins import register_plugins
 from harness.scene import Scene
 from harness.shader.strategies import STRATEGIES
+from tests.support.tracer import TracerRenderer
 
 FAMILY = 1e-3
 SAMPLERS = {"uniform": 0, "cosine": 1, "lobe": 2}

@@ -63,7 +63,7 @@ def test_mitsuba_meets_the_surface_and_its_normals(mi: Any, tmp_path: Path, inne
     e = np.random.default_rng(2).normal(size=(2000, 3))
     e /= np.linalg.norm(e, axis=1, keepdims=True)
     o, d = shape.matrix[:3, 3] + 3 * e, -e
-    si = instantiate(scene).ray_intersect(mi.Ray3f(mi.Point3f(o.T), mi.Vector3f(d.T)))
+    si = instantiate(scene.file).ray_intersect(mi.Ray3f(mi.Point3f(o.T), mi.Vector3f(d.T)))
     p, shading, geometric = (np.array(v).T for v in (si.p, si.sh_frame.n, si.n))
     local = np.c_[p, np.ones(len(p))] @ np.linalg.inv(shape.matrix).T[:, :3]
     directions = local / np.linalg.norm(local, axis=1, keepdims=True)
