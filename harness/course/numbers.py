@@ -19,7 +19,7 @@ from harness.results import Exhibit, ExhibitImage, Finding, Plot, Series
 from harness.samples.estimate import Accumulator, Estimate, luminance
 from harness.samples.store import Store
 from harness.scene import Scene, load_scene
-from harness.scene.noise import NUMPY, value_noise
+from harness.scene.noise import NUMPY, OCTAVE, UINT32, value_noise
 from harness.stats.convergence import band
 from harness.studies.study import study
 from harness.work.batches import batches
@@ -179,7 +179,7 @@ def _fbm(points: np.ndarray, noise: Callable[[np.ndarray, int], np.ndarray]) -> 
     for _ in range(OCTAVES):
         total += weight * noise(at, seed)
         weights, weight, at = weights + weight, weight * GAIN, at * LACUNARITY
-        seed = seed + 0x9E3779B9 & 0xFFFFFFFF
+        seed = seed + OCTAVE & UINT32
     return np.asarray(total / weights)
 
 
