@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from harness import checks
 from harness.api import render_reference
-from harness.course import checks
+from harness.checks.shader import random_numbers as numbers_of
 from harness.course.pictures import HEIGHT, WIDTH, mean_error, percentage
 from harness.course.texts import exhibit
 from harness.course.variants import NOISE, OURS, RANDOM, Variant
@@ -19,7 +20,7 @@ from harness.results import Exhibit, ExhibitImage, Finding, Plot, Series
 from harness.samples.estimate import Accumulator, Estimate, luminance
 from harness.samples.store import Store
 from harness.scene import Scene, SceneFile, load
-from harness.scene.noise import NUMPY, value_noise
+from harness.scene.noise import NUMPY, OCTAVE, UINT32, value_noise
 from harness.stats.convergence import band
 from harness.studies.study import study
 from harness.work.batches import batches
@@ -30,9 +31,8 @@ BOTH = (("handout", RANDOM), ("ours", OURS))
 LATE, LATEST = (20_000, 100_000), 1_000_000
 NOISE_SPP = 256
 CURVE_SPP, TRUTH_SPP = 2048, 4096
-# A generator of 24-bit numbers repeats itself as often as chance has it (a standard deviation is 5e-4 of it), and a
-# number in 65,536 is a multiple of 1/256.
-ENOUGH_VALUES, TOO_COARSE = 0.99, 1e-3
+# Of numbers of 24 bits, one in 65,536 is a multiple of 1/256.
+TOO_COARSE = 1e-3
 # Relative deviation below which a pixel has no noise but that of float32 sums.
 ROUNDING = 1e-4
 # Textures of two renderers agree to 1e-5 where they share their hash; a hundred times that is another hash.
@@ -62,12 +62,12 @@ def random_numbers(store: Store | None) -> Exhibit:
 
 def _number_findings() -> tuple[Finding, ...]:
     """What the numbers themselves show, without a scene."""
-    first = [checks.random_numbers(variant, 0)[..., :4].ravel() for _, variant in BOTH]
-    late = {number: [checks.random_numbers(variant, number)[..., 0] - 0.5 for _, variant in BOTH] for number in LATE}
-    shares = [checks.distinct_share(numbers) for numbers in first]
-    coarse = [float((numbers * 256 % 1 == 0).mean()) for numbers in first]
+    first = [numbers_of(variant.probe, 0)[..., :4].ravel() for _, variant in BOTH]
+    late = {number: [numbers_of(variant.probe, number)[..., 0] - 0.5 for _, variant in BOTH] for number in LATE}
+    few, enough = (checks.distinct(drawn) for drawn in first)
+    coarse = [float((drawn * 256 % 1 == 0).mean()) for drawn in first]
     return (Finding("distinct values", f"among {first[0].size:,} numbers of pass 0, as a share of those expected",
-                    shares[0], shares[1], "share", shares[0] < ENOUGH_VALUES, shares[1] > ENOUGH_VALUES),
+                    few.value, enough.value, "share", not few.passed, enough.passed),
             Finding("distinct values", "whole multiples of 1/256 among them; expected 0.0015 %", coarse[0], coarse[1],
                     "share", coarse[0] > TOO_COARSE, coarse[1] < TOO_COARSE),
             *(_correlated(f"rand() in pixels one above the other, pass {number:,}", fields, 0)
@@ -76,9 +76,10 @@ def _number_findings() -> tuple[Finding, ...]:
 
 def _correlated(measures: str, fields: Sequence[np.ndarray], axis: int) -> Finding:
     """The correlation of neighbours along an axis of two fields (H, W) of mean zero, the handout's and ours."""
-    found = [checks.correlation(np.delete(field, 0, axis), np.delete(field, -1, axis)) for field in fields]
-    caught, wrong = (checks.correlates(value, int(np.count_nonzero(fields[0]))) for value in found)
-    return Finding("neighbour correlation", measures, found[0], found[1], "number", caught, not wrong)
+    wrong, right = (checks.independent(np.delete(field, 0, axis), np.delete(field, -1, axis),
+                                       pairs=int(np.count_nonzero(fields[0]))) for field in fields)
+    return Finding("neighbour correlation", measures, wrong.value, right.value, "number", not wrong.passed,
+                   right.passed)
 
 
 def _rmse_curve(variant: Variant, scene: Scene, truth: Estimate, store: Store | None) -> Series:
@@ -110,7 +111,7 @@ def _value_plot() -> Plot:
     """How often the steps of 1/4096 are hit within a 64th of the range at pass 0, per 1000 draws in there."""
     series = []
     for name, variant in BOTH:
-        values = checks.random_numbers(variant, 0).ravel()
+        values = numbers_of(variant.probe, 0).ravel()
         inside = values[(values >= 0.5) & (values < 0.5 + 1 / 64)]
         counts = np.bincount(((inside - 0.5) * 4096).astype(int), minlength=64)
         series.append(Series(name, name == "ours", 0.5 + np.arange(64) / 4096, 1000 * counts / len(inside)))
@@ -122,8 +123,8 @@ def _row_plot() -> Plot:
     passes = np.unique(np.geomspace(100, LATEST, 13).astype(int))
     series = []
     for name, variant in BOTH:
-        found = [checks.random_numbers(variant, int(number), side=128)[..., 0] - 0.5 for number in passes]
-        rows = np.array([checks.correlation(numbers[1:], numbers[:-1]) for numbers in found])
+        found = [numbers_of(variant.probe, int(number), side=128)[..., 0] - 0.5 for number in passes]
+        rows = np.array([checks.correlation(drawn[1:], drawn[:-1]) for drawn in found])
         series.append(Series(name, name == "ours", passes, rows))
     return Plot("Correlation of rand() between rows", "pass", "x", tuple(series))
 
@@ -173,7 +174,7 @@ def _fbm(points: np.ndarray, noise: Callable[[np.ndarray, int], np.ndarray]) -> 
     for _ in range(OCTAVES):
         total += weight * noise(at, seed)
         weights, weight, at = weights + weight, weight * GAIN, at * LACUNARITY
-        seed = seed + 0x9E3779B9 & 0xFFFFFFFF
+        seed = seed + OCTAVE & UINT32
     return np.asarray(total / weights)
 
 

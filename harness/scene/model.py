@@ -54,7 +54,7 @@ class Procedural:
     `to_texture` maps canonical object space to the space in which the noise is defined.
     """
 
-    kind: Literal["fractal", "marble", "wood"]
+    kind: str  # one of `harness.scene.procedural.KINDS`
     colors: tuple[RGB, ...]
     octaves: int
     lacunarity: float
