@@ -9,8 +9,6 @@ the edges' length.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from harness.files import cache_dir, write_atomically
+from harness.samples.keys import code_digest, digest
 from harness.scene.displaced import normal, radius
 from harness.scene.model import Displacement, Shape
 
@@ -32,8 +31,6 @@ RESOLUTIONS = (128, 256, 512)
 PROBES = 20_000
 # Directions evaluated at once: each takes about half a kilobyte.
 CHUNK = 1 << 17
-# Part of the files' names; to be changed with what is written.
-FORMAT = 1
 
 
 def become_mesh(mi: Any, props: Any, shape: Shape) -> None:
@@ -57,8 +54,8 @@ def mesh_file(displacement: Displacement, *, mirrored: bool) -> Path:
     `mirrored`: the triangles run clockwise seen from outside, so that a `to_world` that mirrors turns them round.
     Raises StoreError where the cache cannot be written.
     """
-    content = json.dumps([FORMAT, dataclasses.asdict(displacement), RESOLUTIONS, NORMAL_ERROR, mirrored])
-    path = cache_dir() / "meshes" / f"displaced-{hashlib.sha256(content.encode()).hexdigest()[:24]}.ply"
+    name = digest([code_digest(__name__), dataclasses.asdict(displacement), mirrored], 24)
+    path = cache_dir() / "meshes" / f"displaced-{name}.ply"
     if not path.is_file():
         resolution = next((n for n in RESOLUTIONS if normal_error(displacement, n) <= NORMAL_ERROR), RESOLUTIONS[-1])
         with write_atomically(path) as partial:

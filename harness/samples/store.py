@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import logging
 import os
@@ -15,6 +14,7 @@ from harness.errors import HarnessError, StoreError
 from harness.files import write_atomically
 from harness.samples.estimate import Batch
 from harness.samples.exr import read_batch, write_batch
+from harness.samples.keys import digest
 
 # Samples per pixel of the longest batch; within what one Mitsuba pass can sum in float32 without visible rounding.
 LONGEST_BATCH = 128
@@ -115,9 +115,8 @@ class Store:
         return removed
 
     def _path(self, key: Mapping[str, str], replica: int, start: int, count: int) -> Path:
-        canonical = json.dumps(dict(key), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
-        digest = hashlib.sha256(canonical.encode()).hexdigest()
-        return self.root / digest[:2] / digest / f"{replica}-{start}-{count}.exr"
+        name = digest(dict(key))
+        return self.root / name[:2] / name / f"{replica}-{start}-{count}.exr"
 
     def _account(self, written: int) -> None:
         """Count bytes just written (noise hardly compresses), and prune when the store has outgrown its limit."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+
+from harness.samples.keys import digest
 
 RGB = tuple[float, float, float]
 Matrix = tuple[tuple[float, float, float, float], ...]  # row-major 4x4
@@ -209,7 +209,7 @@ class Scene:
         content = dataclasses.asdict(self)
         for field in ("exposure", "strategies", "notes"):
             del content[field]
-        return hashlib.sha256(json.dumps(_without_names(content), sort_keys=True).encode()).hexdigest()[:16]
+        return digest(_without_names(content), 16)
 
 
 def _without_names(content: Any) -> Any:
