@@ -22,6 +22,7 @@ from harness.samples.estimate import Estimate
 from harness.samples.exr import write_estimate
 from harness.samples.store import schedule
 from tests.cli.conftest import Harness
+from tests.support.processes import hearing, this_process_hearing
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
 SMALL = ("--size", "64x48")
@@ -41,7 +42,7 @@ cli.console_script()
 
 def interrupt(arguments: Sequence[object], cache: Path, until: str) -> subprocess.CompletedProcess[str]:
     """Send Ctrl-C to `harness ARGUMENTS` once a batch called `until` is in the cache."""
-    command = [sys.executable, "-m", "harness", *map(str, arguments)]
+    command = hearing([sys.executable, "-m", "harness", *arguments])
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             deadline = time.monotonic() + PATIENCE
@@ -121,7 +122,7 @@ from harness.cli import console_script
 sys.argv = ["harness", "render", {str(sky)!r}]
 console_script()
 """
-        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+        done = subprocess.run(hearing([sys.executable, "-c", program]), capture_output=True, text=True)
         assert (done.returncode, done.stdout, done.stderr) == (130, "", "harness: interrupted\n")
 
     def test_that_a_package_turns_into_another_error_is_still_one(
@@ -138,8 +139,17 @@ console_script()
         module.fake = fake  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, "harness.cli.fake", module)
         monkeypatch.setattr(cli, "COMMANDS", {"fake": "fake"})
-        done = harness("fake")
+        with this_process_hearing():
+            done = harness("fake")
         assert (done.status, done.err) == (130, "harness: interrupted\n")
+
+    @pytest.mark.parametrize("ignored", ["", "trap '' INT; "])
+    def test_reaches_a_process_of_these_tests_also_in_the_background(self, ignored: str) -> None:
+        """Else each test above would wait for a process that is deaf."""
+        program = "import signal; print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)"
+        done = subprocess.run(["/bin/sh", "-c", f'{ignored}exec "$@"', "sh",
+                               *hearing([sys.executable, "-c", program])], capture_output=True, text=True)
+        assert done.stdout == "True\n"
 
     def test_is_left_to_a_host_program_afterwards(self) -> None:
         before = signal.getsignal(signal.SIGINT)
