@@ -9,7 +9,10 @@ the edges' length.
 from __future__ import annotations
 
 import dataclasses
+import os
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +34,9 @@ RESOLUTIONS = (128, 256, 512)
 PROBES = 20_000
 # Directions evaluated at once: each takes about half a kilobyte.
 CHUNK = 1 << 17
+# Bytes of meshes beyond which those unused for longest are removed: the scenes that come with the harness have 206 MB,
+# and each change of the code that makes them makes others. None of the last hour: Mitsuba may be about to read it.
+LIMIT, SPARED_SECONDS = 1 << 28, 3600.0
 
 
 def become_mesh(mi: Any, props: Any, shape: Shape) -> None:
@@ -56,11 +62,30 @@ def mesh_file(displacement: Displacement, *, mirrored: bool) -> Path:
     """
     name = digest([code_digest(__name__), dataclasses.asdict(displacement), mirrored], 24)
     path = cache_dir() / "meshes" / f"displaced-{name}.ply"
-    if not path.is_file():
+    if path.is_file():
+        with suppress(OSError):  # a read-only cache only loses the note of when it was used
+            os.utime(path)
+    else:
         resolution = next((n for n in RESOLUTIONS if normal_error(displacement, n) <= NORMAL_ERROR), RESOLUTIONS[-1])
         with write_atomically(path) as partial:
             write_ply(partial, displacement, resolution, mirrored=mirrored)
+        _forget(path.parent)
     return path
+
+
+def _forget(folder: Path) -> None:
+    """Remove meshes unused for longest until `LIMIT` is kept, whatever other processes remove meanwhile."""
+    found = []
+    for path in folder.glob("*.ply"):
+        with suppress(OSError):
+            found.append((path.stat().st_mtime, path.stat().st_size, path))
+    left = sum(size for _, size, _ in found)
+    for used, size, path in sorted(found):
+        if left <= LIMIT or time.time() - used < SPARED_SECONDS:
+            break
+        with suppress(OSError):
+            path.unlink()
+            left -= size
 
 
 def normal_error(displacement: Displacement, resolution: int) -> float:
