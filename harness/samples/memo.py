@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
 from harness.errors import StoreError
+from harness.files import cache_dir, write_atomically
+from harness.samples.keys import digest
 
 Result = TypeVar("Result")
 Warn = Callable[[str], None]
+# Bytes of the SHA-256 that stands before what `remembered_bytes` keeps.
+SEAL = 32
 
 
 def remembered(folder: Path, last: str, *, load: Callable[[Path], Result], make: Callable[[], Result],
@@ -27,3 +33,20 @@ def remembered(folder: Path, last: str, *, load: Callable[[Path], Result], make:
     result = make()
     save(result, folder)
     return result, True
+
+
+def remembered_bytes(kind: str, key: object, make: Callable[[], bytes]) -> bytes:
+    """A file of some kilobytes, such as a figure: read back from the cache, else made and kept there.
+
+    `kind` names its folder; `key`, a plain value (see `digest`), is all that the file depends on, the code too. One
+    that is damaged is made again, and a cache that cannot be written costs only time.
+    """
+    path = cache_dir() / kind / digest(key, 24)
+    with suppress(OSError):
+        held = path.read_bytes()
+        if hashlib.sha256(held[SEAL:]).digest() == held[:SEAL]:
+            return held[SEAL:]
+    content = make()
+    with suppress(StoreError), write_atomically(path) as partial:
+        partial.write_bytes(hashlib.sha256(content).digest() + content)
+    return content
