@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Callable
 
@@ -13,6 +12,7 @@ from harness.gpu.context import describe_gl
 from harness.gpu.pingpong import PingPong
 from harness.gpu.samplers import Samplers
 from harness.samples.estimate import Batch
+from harness.samples.keys import code_digest, digest
 from harness.samples.traits import Traits
 from harness.scene.model import Scene
 from harness.shader.hosts.base import SEEDS
@@ -53,7 +53,8 @@ class TracerRenderer:
             "renderer": "glsl",
             "scene": self.scene.content_hash,
             "strategy": self.strategy.name,
-            "shader": hashlib.sha256(self.source.text.encode()).hexdigest()[:16],
+            "shader": digest(self.source.text, 16),
+            "code": code_digest(__name__),
             **describe_gl(),
         }
 

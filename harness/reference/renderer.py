@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Callable, Iterable
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +14,9 @@ from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, import_mitsuba, u
 from harness.reference.motion import MovingShapes, moment, moments, samples_per_moment
 from harness.reference.prepare import Prepared, prepare, reason
 from harness.samples.estimate import Batch
+from harness.samples.keys import code_digest
 from harness.samples.traits import Traits
-from harness.scene import SceneFile, motion, noise, procedural
+from harness.scene import SceneFile, motion
 
 INTEGRATORS = ("path", "bsdf_path")
 FILES_OWN = "file"  # the integrator that the scene file names
@@ -95,7 +94,7 @@ class ReferenceRenderer:
             "mitsuba": metadata.version("mitsuba"),
             "drjit": metadata.version("drjit"),
             "variant": self.variant,
-            "plugins": _source_hash(),
+            "code": code_digest(__name__),
         }
 
     def render_batch(self, replica: int, start: int, count: int,
@@ -197,12 +196,3 @@ def _check_range(replica: int, start: int, count: int) -> None:
     if count < 1 or start < 0 or start + count > 1 << START_BITS:
         raise HarnessError(f"samples {start} to {start + count - 1} of a replica are out of range; allowed: at least "
                            f"one, from 0 to {(1 << START_BITS) - 1} (take another replica for more)")
-
-
-def _source_hash() -> str:
-    """16 hexadecimal digits over the code that decides what is rendered: this package, motion, noise."""
-    digest = hashlib.sha256()
-    shared = (Path(str(module.__file__)) for module in (motion, noise, procedural))
-    for source in (*sorted(Path(__file__).parent.glob("*.py")), *shared):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]

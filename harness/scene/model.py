@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -12,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from harness.errors import HarnessError
+from harness.samples.keys import digest
 from harness.scene.file import SceneFile
 
 RGB = tuple[float, float, float]
@@ -221,7 +220,7 @@ class Scene:
         content = dataclasses.asdict(self)
         for field in ("exposure", "strategies", "parameters", "notes"):
             del content[field]
-        return hashlib.sha256(json.dumps(_without_names(content), sort_keys=True).encode()).hexdigest()[:16]
+        return digest(_without_names(content), 16)
 
 
 def _without_names(content: Any) -> Any:

@@ -15,6 +15,7 @@ from harness.errors import HarnessError, ShaderError
 from harness.gpu import pingpong
 from harness.gpu.context import device
 from harness.samples.estimate import Batch
+from harness.samples.keys import code_digest
 from harness.scene import Camera, Material, Scene, Shape, load_scene
 from harness.shader.strategies import STRATEGIES, check_strategy, suitable_strategies
 from tests.support.tracer import TracerRenderer, tracer_source
@@ -239,7 +240,9 @@ def test_identity_names_what_a_batch_depends_on() -> None:
     """Scene, strategy, shader and renderer: each changes it; another renderer of the same does not."""
     identity = TracerRenderer(busy(), "cosine").identity
     assert identity == TracerRenderer(busy(), "cosine").identity
-    assert set(identity) == {"renderer", "scene", "strategy", "shader", "gl_renderer", "gl_version", "gl_vendor"}
+    assert set(identity) == {"renderer", "scene", "strategy", "shader", "code", "gl_renderer", "gl_version",
+                             "gl_vendor"}
+    assert identity["code"] == code_digest("harness.gpu.renderer")
     assert identity["shader"] != TracerRenderer(busy(), "uniform").identity["shader"]
     assert identity["scene"] != TracerRenderer(busy(width=41), "cosine").identity["scene"]
 

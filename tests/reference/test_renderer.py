@@ -15,6 +15,7 @@ from harness.reference import ReferenceRenderer
 from harness.reference.prepare import instantiate
 from harness.reference.renderer import REPLICA_BITS, START_BITS, average, call_seed
 from harness.samples.estimate import Estimate, merge
+from harness.samples.keys import code_digest
 from harness.scene import SceneFile, load_scene
 
 # Standard errors allowed between two means: seeds are fixed, so this asks how lucky the seeds are, once.
@@ -215,6 +216,7 @@ def test_identity_tells_apart_what_differs(mi: Any) -> None:
     assert len({tuple(sorted(identity.items())) for identity in identities}) == 4
     assert all(isinstance(value, str) and value for identity in identities for value in identity.values())
     assert identities[0] == ReferenceRenderer(scene("spheres")).identity
+    assert identities[0]["code"] == code_digest("harness.reference.renderer")
 
 
 def test_a_scene_without_a_file_is_refused() -> None:
