@@ -148,7 +148,7 @@ class GateFailure(Exception):
         gate, mean = result.gate, result.verdict.mean
         super().__init__("\n".join((
             f"{result.outcome}: {result.reason}",
-            f"mean error of luminance {percent(float(mean.error[0, 0, 3]), signed=True)}, tolerance "
+            f"mean error of luminance {percent(result.verdict.luminance[0], signed=True)}, tolerance "
             f"±{percent(mean.tolerance)}, after {result.test.samples} of {gate.spp * gate.replicas} samples per pixel",
             f"why this tolerance: {gate.reason}",
             f"look at: {folder}",

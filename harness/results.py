@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -17,10 +18,9 @@ from harness.stats.findings import Tiles
 class StrategyResult:
     """One strategy on one scene. R replicas, P prefixes of each run.
 
-    `spp`: (P,) samples per pixel of each prefix. `rmse`, `mean_error`, `ssim`: (R, P), of each replica's prefix
-    against the reference; `rmse` in scene radiance units with the reference's own variance subtracted,
-    `mean_error` signed, of luminance, relative to the reference's mean. `estimate` merges all replicas.
-    `flip`, `delta_e`: the mean of FLIP and of CIE ΔE2000 for that merged estimate. `cpu_seconds_per_spp`: process
+    `spp`: (P,) samples per pixel of each prefix. `curves`: by name each metric of `harness.metrics` that is measured
+    at prefixes, (R, P), of each replica's prefix against the reference. `estimate` merges all replicas; `scores`: by
+    name every other metric, of that merged estimate. `cpu_seconds_per_spp`: process
     CPU time for one sample per pixel of the whole image, the median over batches. `suits` is False where the
     strategy cannot reach some light (then `warning` says which), and its verdict does not count against the tracer.
     `verdict` is that on the image's mean, `tiles` those on its parts.
@@ -30,15 +30,12 @@ class StrategyResult:
     suits: bool
     warning: str
     spp: np.ndarray
-    rmse: np.ndarray
-    mean_error: np.ndarray
-    ssim: np.ndarray
+    curves: Mapping[str, np.ndarray]
+    scores: Mapping[str, float]
     estimate: Estimate
     verdict: MeanErrorVerdict
     tiles: Tiles
     slope: Slope | None  # None where the strategy has no variance to converge from
-    flip: float
-    delta_e: float
     cpu_seconds_per_spp: float
 
     @property
@@ -48,6 +45,11 @@ class StrategyResult:
         Undecided tiles leave it alone: noise that decides the mean of an image seldom decides each of its tiles.
         """
         return "fail" if self.tiles.failed else self.verdict.outcome
+
+    def score(self, metric: str) -> float:
+        """One number for a metric: of the merged estimate, or, where it has a curve, of one replica at full length, the
+        mean over replicas. KeyError for an unknown name."""
+        return float(self.curves[metric][:, -1].mean()) if metric in self.curves else self.scores[metric]
 
 
 @dataclass(frozen=True, eq=False)

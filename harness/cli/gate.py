@@ -10,6 +10,7 @@ import typer
 from harness.cli.options import CacheOption, open_store
 from harness.cli.output import JsonOption, print_json, print_rich, progress
 from harness.errors import HarnessError, MachineError
+from harness.stats.channels import Channel
 
 if TYPE_CHECKING:
     from harness.gates import Gate, References
@@ -87,8 +88,8 @@ def _print(found: list[dict[str, Any]], output: Path) -> None:
         if item["outcome"] == "error":
             table.add_row(item["gate"], "error")
             continue
-        table.add_row(item["gate"], item["outcome"], percent(item["error"][3], signed=True),
-                      f"{percent(item['low'][3], signed=True)} to {percent(item['high'][3], signed=True)}",
+        error, low, high = (percent(item[name][Channel.LUMINANCE], signed=True) for name in ("error", "low", "high"))
+        table.add_row(item["gate"], item["outcome"], error, f"{low} to {high}",
                       f"±{percent(item['tests']['mean']['tolerance'])}", str(item["samples"]), str(item["budget"]),
                       f"{item['seconds']:.1f}")
     print_rich(table)

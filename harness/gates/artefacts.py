@@ -7,6 +7,7 @@ import json
 import math
 import os
 import shlex
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -94,8 +95,8 @@ def as_json(result: GateResult) -> dict[str, Any]:
         } for name, part in (("mean", verdict.mean), ("coarse", verdict.coarse), ("fine", verdict.fine))},
         "looks": [{
             "samples": look.samples, "reference_samples": look.reference_samples, "outcome": look.verdict.outcome,
-            "reason": look.verdict.reason, "error": _number(look.verdict.mean.error[0, 0, 3]),
-            "low": _number(look.verdict.mean.low[0, 0, 3]), "high": _number(look.verdict.mean.high[0, 0, 3]),
+            "reason": look.verdict.reason,
+            **dict(zip(("error", "low", "high"), _numbers(look.verdict.luminance), strict=True)),
         } for look in result.looks],
         "curve": [{"samples": point.samples, "error": _number(point.error), "low": _number(point.low),
                    "high": _number(point.high), "tile_rmse": _number(point.tile_rmse)} for point in result.curve],
@@ -109,7 +110,7 @@ def _facts(gate: Gate) -> dict[str, str]:
             "command": command(gate)}
 
 
-def _numbers(values: np.ndarray) -> list[float | None]:
+def _numbers(values: Iterable[float]) -> list[float | None]:
     return [_number(value) for value in values]
 
 

@@ -13,6 +13,7 @@ from urllib.parse import quote
 
 from harness.files import write_atomically
 from harness.gates.artefacts import PICTURES
+from harness.stats.channels import Channel
 
 HTML, JSON = "summary.html", "summary.json"
 KINDS = ("html", "json")
@@ -84,8 +85,8 @@ def _row(result: dict[str, Any]) -> str:
     cells = ["–"] * 7
     if outcome != "error":
         tests = result["tests"]
-        cells = [percent(result["error"][3], signed=True),
-                 f"{percent(result['low'][3], signed=True)} to {percent(result['high'][3], signed=True)}",
+        error, low, high = (percent(result[key][Channel.LUMINANCE], signed=True) for key in ("error", "low", "high"))
+        cells = [error, f"{low} to {high}",
                  f"±{percent(tests['mean']['tolerance'])}", percent(tests["mean"]["smallest_detectable"]),
                  percent(tests["fine"]["smallest_detectable"]), f"{result['samples']} of {result['budget']}",
                  f"{result['seconds']:.1f}"]

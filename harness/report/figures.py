@@ -61,7 +61,7 @@ def _rmse_panel(axes: Axes, result: StudyResult) -> None:
     """RMSE on log-log axes over grey diagonals of slope -1/2."""
     _spp_axis(axes, result)
     axes.set_yscale("log")
-    _draw_bands(axes, result, lambda strategy: strategy.rmse, log=True)
+    _draw_bands(axes, result, lambda strategy: strategy.curves["rmse"], log=True)
     _slope_guides(axes)
     axes.yaxis.set_major_locator(FixedLocator(_log_ticks(*axes.get_ylim())))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
@@ -76,11 +76,10 @@ def _mean_error_panel(axes: Axes, result: StudyResult) -> None:
     axes.set_yscale("symlog", linthresh=tolerance, linscale=1.0)
     axes.axhspan(-tolerance, tolerance, color=TOLERANCE_COLOUR, linewidth=0, zorder=0)
     axes.axhline(0, color="#888888", linewidth=0.5, zorder=1)
-    _draw_bands(axes, result, lambda strategy: 100 * strategy.mean_error, log=False)
+    _draw_bands(axes, result, lambda strategy: 100 * strategy.curves["mean_error"], log=False)
     middle = (len(result.strategies) - 1) / 2
     for index, strategy in enumerate(result.strategies):
-        value, low, high = (100 * float(bound[3]) for bound in (
-            strategy.verdict.error, strategy.verdict.low, strategy.verdict.high))
+        value, low, high = (100 * bound for bound in strategy.verdict.luminance)
         style = strategy_style(strategy.strategy)
         x = max(strategy.estimate.samples, 1) * _DODGE ** (2 * (index - middle))
         if np.isfinite([low, high]).all():
@@ -102,7 +101,7 @@ def _ssim_panel(axes: Axes, result: StudyResult) -> None:
     """SSIM with 1 - SSIM on a log axis turned upside down: every nine gained is one step up."""
     _spp_axis(axes, result)
     axes.set_yscale("log")
-    _draw_bands(axes, result, lambda strategy: 1 - strategy.ssim, log=True)
+    _draw_bands(axes, result, lambda strategy: 1 - strategy.curves["ssim"], log=True)
     axes.invert_yaxis()
     low, high = sorted(axes.get_ylim())
     axes.set_ylim(min(high, 1.5), low)

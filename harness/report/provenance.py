@@ -12,6 +12,7 @@ from harness.errors import StoreError
 from harness.report import formats
 from harness.report.content import Cell, Column, Mark, Table
 from harness.results import StudyResult
+from harness.stats.channels import Channel
 
 
 def provenance_tables(results: Sequence[StudyResult], profile: str, elapsed: Mapping[str, float]) -> tuple[Table, ...]:
@@ -63,7 +64,7 @@ def _reference_table(results: Sequence[StudyResult]) -> Table:
     rows = []
     for result in results:
         reference = result.reference
-        mean, variance = float(reference.image_mean[3]), float(reference.image_variance[3])
+        mean, variance = (float(each[Channel.LUMINANCE]) for each in (reference.image_mean, reference.image_variance))
         error = np.sqrt(variance) / abs(mean) if mean else np.nan
         rows.append((Cell(result.scene), Cell(result.reference_kind),
                      Cell(formats.count(reference.samples) if reference.samples else "exact", ""),

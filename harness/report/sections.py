@@ -21,9 +21,10 @@ from harness.report.content import (
 )
 from harness.report.figures import curves_svg
 from harness.report.style import strategy_style
-from harness.report.tables import LUMINANCE, accuracy_table, cost_table, is_exact
+from harness.report.tables import accuracy_table, cost_table, is_exact
 from harness.report.tiles import deviates_row, deviates_words, failures, tiles_table
 from harness.results import StrategyResult, StudyResult
+from harness.stats.channels import Channel
 from harness.stats.limit import limit_error
 from harness.studies.equal_error import equal_error
 
@@ -61,7 +62,7 @@ def scene_section(result: StudyResult, stem: str) -> tuple[SceneSection, Assets]
 def best_strategy(result: StudyResult) -> StrategyResult:
     """The suitable strategy with the least RMSE at the end of its run; any strategy where none suits."""
     candidates = [strategy for strategy in result.strategies if strategy.suits] or list(result.strategies)
-    return min(candidates, key=lambda strategy: float(np.nan_to_num(strategy.rmse[:, -1].mean(), nan=np.inf)))
+    return min(candidates, key=lambda strategy: float(np.nan_to_num(strategy.score("rmse"), nan=np.inf)))
 
 
 def _paragraphs(text: str) -> tuple[str, ...]:
@@ -73,7 +74,7 @@ def _facts(result: StudyResult) -> tuple[str, ...]:
     height, width = result.reference.mean.shape[:2]
     reference = result.reference
     spp = f", {formats.count(reference.samples)} samples per pixel" if reference.samples else ""
-    replicas = [strategy.rmse.shape[0] for strategy in result.strategies]
+    replicas = [strategy.curves["rmse"].shape[0] for strategy in result.strategies]
     lengths = [int(strategy.spp[-1]) for strategy in result.strategies]
     return (f"{width} × {height} pixels", f"reference: {result.reference_kind}{spp}",
             f"each strategy: {formats.span(replicas, 'replica')} of {formats.span(lengths, 'sample')} per pixel",
@@ -99,7 +100,7 @@ def _reasons(result: StudyResult) -> tuple[Remark, ...]:
     remarks = []
     for strategy in result.strategies:
         mark: Mark = strategy.verdict.outcome if strategy.suits else "warning"
-        dof = float(strategy.verdict.dof[LUMINANCE])
+        dof = float(strategy.verdict.dof[Channel.LUMINANCE])
         known = f" ({formats.count(dof)} degrees of freedom in luminance)" if np.isfinite(dof) else ""
         remarks.append(Remark(f"{strategy.strategy}: {formats.typographic(strategy.verdict.reason)}{known}."
                               f"{_limit_words(strategy, result)}", mark))
@@ -135,7 +136,8 @@ def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str, as
     caption = (f"{result.scene}: the GLSL estimate ({best.strategy}, {formats.count(best.estimate.samples)} samples "
                f"per pixel) and the reference ({result.reference_kind}), both at the scene's fixed exposure and "
                f"sRGB-encoded; their signed relative difference in luminance, blue where GLSL is darker, red where it "
-               f"is brighter; and the FLIP map, mean {formats.number(best.flip, 4)}. {_scale_words(reference)}")
+               f"is brighter; and the FLIP map, mean {formats.number(best.score('flip'), 4)}. "
+               f"{_scale_words(reference)}")
     tiles: tuple[Picture, ...] = ()
     if len(result.strategies) == 1:
         row = deviates_row(result, stem, DIFFERENCE_BAR, assets)

@@ -6,19 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from harness.metrics import Metric, shown_in
 from harness.report import formats
 from harness.report.content import SYMBOLS, Cell, Column, Mark, Swatch, Table
 from harness.report.style import strategy_style
 from harness.results import StrategyResult, StudyResult
-from harness.stats.bias import CHANNELS
+from harness.stats.channels import CHANNELS, Channel
 from harness.stats.convergence import slope_verdict
 from harness.studies.equal_error import EqualError
 
 # The Monte Carlo rate that slopes are held against, and by how much a slope's interval may stray from it.
 EXPECTED_SLOPE = -0.5
 SLOPE_TOLERANCE = 0.05
-
-LUMINANCE = CHANNELS.index("luminance")
 
 
 def strategy_cell(strategy: StrategyResult) -> Cell:
@@ -63,7 +62,7 @@ def verdict_table(results: Sequence[StudyResult], anchors: Sequence[str]) -> Tab
         for index, strategy in enumerate(result.strategies):
             first = (Cell(result.scene, rows=len(result.strategies), target=anchor),) if index == 0 else ()
             rows.append((*first, strategy_cell(strategy), Cell(formats.count(strategy.estimate.samples)),
-                         Cell(error_text(strategy, LUMINANCE)), *_verdict_cells(strategy)))
+                         Cell(error_text(strategy, Channel.LUMINANCE)), *_verdict_cells(strategy)))
     confidence = _confidence_text([strategy for result in results for strategy in result.strategies])
     caption = (
         f"Verdicts. Mean error: of luminance, over the whole image, relative to the reference, with its {confidence} "
@@ -91,24 +90,37 @@ def _verdict_cells(strategy: StrategyResult) -> tuple[Cell, ...]:
 
 def accuracy_table(result: StudyResult) -> Table:
     """Every channel's mean error, the bias that would have been found, and image metrics, one row a strategy."""
+    scores = shown_in("report")
     rows = []
     for strategy in result.strategies:
         detectable = float(np.max(strategy.verdict.smallest_detectable))
         rows.append((
-            strategy_cell(strategy), *(Cell(error_text(strategy, channel, unit=False)) for channel in range(4)),
-            Cell(formats.percent(detectable, unit=False)), Cell(formats.number(float(strategy.ssim[:, -1].mean()), 4)),
-            Cell(formats.number(strategy.flip, 4)), Cell(formats.number(strategy.delta_e, 3)),
+            strategy_cell(strategy), *(Cell(error_text(strategy, channel, unit=False)) for channel in Channel),
+            Cell(formats.percent(detectable, unit=False)),
+            *(Cell(_score_text(metric, strategy.score(metric.name))) for metric in scores),
             Cell(formats.count(strategy.estimate.rejected))))
     confidence = _confidence_text(result.strategies)
     caption = (
         f"How close each strategy comes, with all replicas merged. Mean errors in percent of the reference's mean, "
         f"with {confidence} intervals. Detectable: the smallest bias of any channel, in percent, that this many "
-        "samples would have found with 95 % probability. SSIM: of one replica at full length, the mean over replicas. "
-        "FLIP and ΔE (CIE 2000): means over the pixels, 0 is identical. Rejected: samples that were not finite.")
+        f"samples would have found with 95 % probability. {_score_words(scores)}"
+        "Rejected: samples that were not finite.")
     columns = (Column("Strategy", share=1), *(Column(name.capitalize(), "right") for name in CHANNELS),
-               Column("Detectable", "right"), Column("SSIM", "right"), Column("FLIP", "right"), Column("ΔE", "right"),
-               Column("Rejected", "right"))
+               Column("Detectable", "right"),
+               *(Column(f"{metric.heading}\n({metric.unit})" if metric.unit else metric.heading, "right")
+                 for metric in scores), Column("Rejected", "right"))
     return Table(caption, columns, tuple(rows))
+
+
+def _score_text(metric: Metric, value: float) -> str:
+    return formats.significant(value) if metric.decimals is None else formats.number(value, metric.decimals)
+
+
+def _score_words(scores: Sequence[Metric]) -> str:
+    """What each metric of the table is, those that have a curve first: they are told of one replica."""
+    of_one = [metric.heading for metric in scores if metric.at_prefixes]
+    words = f"{formats.words(of_one)}: of one replica at full length, the mean over replicas. " if of_one else ""
+    return words + "".join(f"{metric.heading}: {metric.sentence}. " for metric in scores if not metric.at_prefixes)
 
 
 def cost_table(result: StudyResult, equal: EqualError) -> Table:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from harness.metrics import shown_in
 from harness.report import formats
 from harness.report.content import SYMBOLS, Mark, Remark
 from harness.report.tables import (
     EXPECTED_SLOPE,
-    LUMINANCE,
     SLOPE_TOLERANCE,
     error_text,
     is_exact,
@@ -19,12 +19,15 @@ from harness.report.tables import (
 from harness.report.tiles import reading as tiles_reading
 from harness.report.tiles import tiles_summary
 from harness.results import StrategyResult, StudyResult
+from harness.stats.channels import Channel
 from harness.studies.equal_error import Cost, equal_error
 
 Pair = tuple[StudyResult, StrategyResult]
 
 # So many pairs are named in a sentence of the summary; the verdict table names them all.
 _MAX_NAMED = 4
+# Metrics that the figure of convergence draws, and that are explained with it.
+DRAWN = ("rmse", "mean_error", "ssim")
 
 
 def summary(results: Sequence[StudyResult]) -> tuple[Remark, ...]:
@@ -68,10 +71,10 @@ def _agreement(judged: Sequence[Pair], scenes: int) -> list[Remark]:
         whole = "All" if len(passed) == len(judged) else f"{len(passed)} of"
         remarks.append(Remark(f"{whole} {of} agree with the reference within {tolerances} in the mean of every colour "
                               "channel.", "pass"))
-    known = [pair for pair in judged if np.isfinite(pair[1].verdict.error[LUMINANCE])]
+    known = [pair for pair in judged if np.isfinite(pair[1].verdict.error[Channel.LUMINANCE])]
     if known:
-        result, worst = max(known, key=lambda pair: abs(float(pair[1].verdict.error[LUMINANCE])))
-        remarks.append(Remark(f"The largest mean error of luminance is {error_text(worst, LUMINANCE)} "
+        result, worst = max(known, key=lambda pair: abs(float(pair[1].verdict.error[Channel.LUMINANCE])))
+        remarks.append(Remark(f"The largest mean error of luminance is {error_text(worst, Channel.LUMINANCE)} "
                               f"({result.scene}, {worst.strategy})."))
     return remarks
 
@@ -144,6 +147,13 @@ def _names(pairs: Sequence[Pair]) -> str:
     return formats.words([*named, formats.plural(rest, "other")] if rest else named)
 
 
+def _scores() -> list[tuple[str, str]]:
+    """The metrics of the tables, but for those whose panel of the curves has an entry of its own."""
+    return [(metric.heading, " ".join(filter(None, (
+        formats.sentence(metric.sentence), metric.explanation, f"{metric.better.capitalize()} is better."))))
+        for metric in shown_in("report") if metric.name not in DRAWN]
+
+
 def reading() -> tuple[tuple[str, str], ...]:
     """The terms of the report, each with what a reader needs to judge by it."""
     minus = formats.MINUS
@@ -178,9 +188,7 @@ def reading() -> tuple[tuple[str, str], ...]:
          "identical. It follows what an eye would notice, mostly noise, and says little about bias. Its axis is "
          "stretched so that each further nine (0.9, 0.99, 0.999) is one step up. A curve that levels off near the top "
          "has met the noise of the reference, which SSIM cannot subtract."),
-        ("FLIP and ΔE",
-         "FLIP estimates the difference that a viewer notices when the two images alternate on a screen, 0 to 1 for "
-         "each pixel. ΔE (CIE 2000) is a colour difference; around 1 is just noticeable side by side."),
+        *_scores(),
         ("Equal error",
          "Strategies cost unequal time and reach unequal noise, so they are compared at the same RMSE: how many "
          "samples, and how much CPU time, until there. Gains above 1 mean cheaper than the baseline."),

@@ -142,7 +142,7 @@ def test_the_result_is_kept_where_asked(harness: Harness, sky: Path) -> None:
     kept = load_study("kept/here")
     assert kept.scene_hash == answer["scene_hash"]
     assert [item.strategy for item in kept.strategies] == [item["strategy"] for item in answer["strategies"]]
-    np.testing.assert_array_equal(kept.strategies[0].rmse, answer["strategies"][0]["rmse"])
+    np.testing.assert_array_equal(kept.strategies[0].curves["rmse"], answer["strategies"][0]["rmse"])
 
 
 def test_a_second_study_renders_nothing(harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,7 @@ import typst
 
 from harness.errors import HarnessError, StoreError
 from harness.files import data_dir
+from harness.metrics import shown_in
 from harness.report import build_report, document, sections
 from harness.report.content import Document
 from harness.report.document import compose, document_json
@@ -24,6 +25,7 @@ from harness.results import StrategyResult, StudyResult
 from harness.stats.bias import MeanErrorVerdict
 from harness.stats.convergence import Slope
 from harness.stats.findings import TileFinding
+from tests.support.report import with_curves
 
 BENCH = {"rows": [
     {"scene": "diffuse", "strategy": "cosine", "opponent": "path", "needed": 5.0, "tracer_rate": 12.3,
@@ -172,8 +174,13 @@ def variants(study: StudyResult) -> Iterator[tuple[str, StudyResult]]:
         yield name, dataclasses.replace(study, **{name: altered(getattr(study, name))})
     yield "reference", dataclasses.replace(study, reference=first.estimate)
     yield "strategies", dataclasses.replace(study, strategies=rest)
-    for name in fields(StrategyResult) - {"estimate", "verdict", "tiles", "slope", "spp"}:
+    for name in fields(StrategyResult) - {"estimate", "verdict", "tiles", "slope", "spp", "curves", "scores"}:
         yield f"strategy {name}", with_strategy(dataclasses.replace(first, **{name: altered(getattr(first, name))}))
+    for name, curve in first.curves.items():
+        yield f"curve {name}", with_strategy(with_curves(first, **{name: altered(curve)}))
+    for name in (metric.name for metric in shown_in("report") if not metric.at_prefixes):
+        scores = {**first.scores, name: altered(first.scores[name])}
+        yield f"score {name}", with_strategy(dataclasses.replace(first, scores=scores))
     yield "strategy spp", with_strategy(dataclasses.replace(first, spp=first.spp * 2))
     yield "strategy slope", with_strategy(dataclasses.replace(first, slope=None))
     yield "strategy estimate", with_strategy(dataclasses.replace(first, estimate=rest[0].estimate))

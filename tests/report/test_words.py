@@ -114,8 +114,8 @@ def test_a_run_without_noise_is_exact_and_one_too_short_to_fit_is_not(exact: Stu
     cosine = exact.strategies[1]
     assert slope_mark(cosine) == "exact"
     assert any(remark.mark == "exact" for remark in summary([exact]))
-    short = replace(cosine, spp=cosine.spp[:2], rmse=cosine.rmse[:, :2], mean_error=cosine.mean_error[:, :2],
-                    ssim=cosine.ssim[:, :2])
+    short = replace(cosine, spp=cosine.spp[:2],
+                    curves={name: curve[:, :2] for name, curve in cosine.curves.items()})
     assert slope_mark(short) == ""
     assert "too few prefixes" in cells(verdict_table([replace(exact, strategies=(short,))], ["x"]), 0)
 
