@@ -37,8 +37,8 @@ def study(
     reference_spp: Annotated[int | None, typer.Option("--reference-spp", min=2, max=MAX_SPP,
                              help="Samples per pixel of Mitsuba's image; 4 x spp if not given.")] = None,
     reference: Annotated[Path | None, typer.Option("--reference", help="A ready reference (.exr) instead.")] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to keep the result in: study.json "
-                                                "and images.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to keep the result in: study.json, "
+                                                "images, and table.csv, one number a row.")] = None,
     size: SizeOption = None,
     tolerance: Annotated[float | None, typer.Option(
         "--tolerance", min=1e-9, max=1.0, help="Bias, relative to the mean, that still counts as equivalent; 0.002 if "
@@ -65,6 +65,7 @@ def study(
     if output:
         from harness.files import require_writable
         from harness.studies.storage import STUDY_FILE, save_study  # brings matplotlib
+        from harness.studies.table import TABLE_FILE, records, write_csv
 
         require_writable(output / STUDY_FILE)
     result = run_study(
@@ -77,6 +78,7 @@ def study(
             log(f"warning: strategy '{item.strategy}': {not_finite(item.estimate.rejected)}")
     if output:
         save_study(result, output)
+        write_csv(records(result), output / TABLE_FILE)
     if json:
         print_json(_as_json(result))
     else:

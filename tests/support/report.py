@@ -120,6 +120,6 @@ def exact_study(scene: str = "furnace_convex", *, size: int = 32, spp: int = 64,
 
 
 def _provenance(scene: str, size: int, spp: int, replicas: int) -> dict[str, str]:
-    return {"mitsuba": "3.9.1", "numpy": "2.4.6", "GL renderer": "llvmpipe (LLVM 15.0.6, 256 bits)",
-            "GL version": "4.5", "scene file": f"{scene}.xml", "image size": f"{size} x {size}", "path vertices": "6",
+    return {"mitsuba": "3.9.1", "numpy": "2.4.6", "gl_renderer": "llvmpipe (LLVM 15.0.6, 256 bits)",
+            "gl_version": "4.5", "scene file": f"{scene}.xml", "image size": f"{size} x {size}", "path vertices": "6",
             "samples per pixel of each replica": str(spp), "replicas (seeds)": f"{replicas} (0 to {replicas - 1})"}
