@@ -1,4 +1,4 @@
-"""What studies and exhibits found, as plain values: written by them, read by `report` and the command line."""
+"""What studies, gates and exhibits found, as plain values: written by them, read by `report` and the command line."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from harness.samples.estimate import Estimate
 from harness.stats.bias import MeanErrorVerdict, Outcome
+from harness.stats.channels import Channel
 from harness.stats.convergence import Slope
 from harness.stats.findings import Tiles
 
@@ -70,6 +71,93 @@ class StudyResult:
     strategies: tuple[StrategyResult, ...]
     notes: tuple[str, ...] = ()
     provenance: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PartRecord:
+    """The verdict on an image's mean, or on its tiles of `tile` pixels a side; as `stats.verdicts.TileVerdict` has it.
+
+    `smallest_detectable`: the smallest bias that was sure to make the gate fail here. Numbers that are not finite are
+    None, in all records of a gate.
+    """
+
+    outcome: Outcome
+    reason: str
+    tolerance: float
+    tile: int
+    p: float
+    largest_error: float | None
+    smallest_detectable: float | None
+
+
+@dataclass(frozen=True)
+class LookRecord:
+    """What a gate saw when it looked, of the image's mean luminance, after so many samples per pixel a side."""
+
+    samples: int
+    reference_samples: int
+    outcome: Outcome
+    reason: str
+    error: float | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class PointRecord:
+    """A gate's curve at a prefix: mean error of luminance with its interval, RMSE of the smaller tiles, relative."""
+
+    samples: int
+    error: float | None
+    low: float | None
+    high: float | None
+    tile_rmse: float | None
+
+
+@dataclass(frozen=True)
+class GateNumbers:
+    """What a gate measured. `error`, `low`, `high`: of the image's mean, per channel, at `confidence`.
+
+    `tests`: 'mean', 'coarse' and 'fine'. `samples` per pixel were drawn of a `budget`; `not_finite` of the whole image
+    were left out. `fail_level`: the gate's share of its family's false alarms.
+    """
+
+    error: tuple[float | None, ...]
+    low: tuple[float | None, ...]
+    high: tuple[float | None, ...]
+    confidence: float
+    tests: Mapping[str, PartRecord]
+    looks: tuple[LookRecord, ...]
+    curve: tuple[PointRecord, ...]
+    samples: int
+    budget: int
+    not_finite: int
+    fail_level: float
+    seconds: float
+
+    @property
+    def luminance(self) -> tuple[float | None, float | None, float | None]:
+        """Error, low and high of luminance."""
+        return self.error[Channel.LUMINANCE], self.low[Channel.LUMINANCE], self.high[Channel.LUMINANCE]
+
+
+@dataclass(frozen=True)
+class GateRecord:
+    """A gate that was run, as files, tables and pages have it; `numbers` are None where it could not be run.
+
+    `why`: the reason for its tolerance; `origin`: file and line; `command`: what runs it again. These and what comes
+    between them are empty where the gate could not even be read.
+    """
+
+    gate: str
+    outcome: Outcome | Literal["error"]
+    reason: str
+    why: str = ""
+    scene: str = ""
+    strategy: str = ""
+    origin: str = ""
+    command: str = ""
+    numbers: GateNumbers | None = None
 
 
 @dataclass(frozen=True)

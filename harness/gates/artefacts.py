@@ -22,8 +22,10 @@ from matplotlib.ticker import FuncFormatter, NullLocator, PercentFormatter
 
 from harness.files import write_atomically
 from harness.gates.model import Gate, GateResult
+from harness.gates.records import as_json
 from harness.report.pictures import DIFFERENCE_MAP, difference_map, robust_limit, tile_pixels
 from harness.report.style import RC, TOLERANCE_COLOUR, strategy_style
+from harness.results import GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord
 from harness.samples.exr import write_estimate
 from harness.samples.images import write_png
 from harness.stats.findings import largest_deviates
@@ -57,7 +59,7 @@ def save_result(result: GateResult, folder: Path, *, pictures: bool = True) -> N
             _write(folder / DIFFERENCE, _difference(result))
             _write(folder / CURVE, _curve(result))
     with write_atomically(folder / RESULT_FILE) as partial:
-        partial.write_text(json.dumps(as_json(result), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        partial.write_text(json.dumps(as_json(record(result)), indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def clear(folder: Path) -> None:
@@ -76,33 +78,28 @@ def command(gate: Gate) -> str:
     return f"harness gate {shlex.quote(file)} --only {gate.name}"
 
 
-def error_json(gate: Gate, error: Exception) -> dict[str, Any]:
-    """What `as_json` has, as far as there is any, of a gate that could not be run."""
-    return {"gate": gate.name, "outcome": "error", "reason": str(error), **_facts(gate)}
+def error_record(gate: Gate, error: Exception) -> GateRecord:
+    """The record of a gate that could not be run."""
+    return GateRecord(gate.name, "error", str(error), **_facts(gate), numbers=None)
 
 
-def as_json(result: GateResult) -> dict[str, Any]:
-    """The result as JSON types; NaN and infinity are None."""
+def record(result: GateResult) -> GateRecord:
+    """What the result says, less images and maps."""
     gate, verdict = result.gate, result.verdict
-    return {
-        "gate": gate.name, "outcome": result.outcome, "reason": result.reason, **_facts(gate),
-        "error": _numbers(verdict.mean.error[0, 0]), "low": _numbers(verdict.mean.low[0, 0]),
-        "high": _numbers(verdict.mean.high[0, 0]), "confidence": round(1 - gate.pass_level, 12),
-        "tests": {name: {
-            "outcome": part.outcome, "reason": part.reason, "tolerance": part.tolerance, "tile": part.tile,
-            "p": part.p, "largest_error": _number(np.max(np.abs(part.error))),
-            "smallest_detectable": _number(result.smallest_detectable[name]),
-        } for name, part in (("mean", verdict.mean), ("coarse", verdict.coarse), ("fine", verdict.fine))},
-        "looks": [{
-            "samples": look.samples, "reference_samples": look.reference_samples, "outcome": look.verdict.outcome,
-            "reason": look.verdict.reason,
-            **dict(zip(("error", "low", "high"), _numbers(look.verdict.luminance), strict=True)),
-        } for look in result.looks],
-        "curve": [{"samples": point.samples, "error": _number(point.error), "low": _number(point.low),
-                   "high": _number(point.high), "tile_rmse": _number(point.tile_rmse)} for point in result.curve],
-        "samples": result.test.samples, "budget": gate.spp * gate.replicas, "not_finite": result.test.rejected,
-        "fail_level": gate.fail_level, "seconds": round(result.seconds, 3),
-    }
+    numbers = GateNumbers(
+        error=_numbers(verdict.mean.error[0, 0]), low=_numbers(verdict.mean.low[0, 0]),
+        high=_numbers(verdict.mean.high[0, 0]), confidence=round(1 - gate.pass_level, 12),
+        tests={name: PartRecord(
+            part.outcome, part.reason, part.tolerance, part.tile, part.p, _number(np.max(np.abs(part.error))),
+            _number(result.smallest_detectable[name]),
+        ) for name, part in (("mean", verdict.mean), ("coarse", verdict.coarse), ("fine", verdict.fine))},
+        looks=tuple(LookRecord(look.samples, look.reference_samples, look.verdict.outcome, look.verdict.reason,
+                               *_numbers(look.verdict.luminance)) for look in result.looks),
+        curve=tuple(PointRecord(point.samples, *_numbers((point.error, point.low, point.high, point.tile_rmse)))
+                    for point in result.curve),
+        samples=result.test.samples, budget=gate.spp * gate.replicas, not_finite=result.test.rejected,
+        fail_level=gate.fail_level, seconds=round(result.seconds, 3))
+    return GateRecord(gate.name, result.outcome, result.reason, **_facts(gate), numbers=numbers)
 
 
 def _facts(gate: Gate) -> dict[str, str]:
@@ -110,8 +107,8 @@ def _facts(gate: Gate) -> dict[str, str]:
             "command": command(gate)}
 
 
-def _numbers(values: Iterable[float]) -> list[float | None]:
-    return [_number(value) for value in values]
+def _numbers(values: Iterable[float]) -> tuple[float | None, ...]:
+    return tuple(_number(value) for value in values)
 
 
 def _number(value: float) -> float | None:

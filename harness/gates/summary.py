@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from html import escape
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 from harness.files import write_atomically
 from harness.gates.artefacts import PICTURES
-from harness.stats.channels import Channel
+from harness.gates.records import as_json
+from harness.results import GateNumbers, GateRecord
 
 HTML, JSON = "summary.html", "summary.json"
 KINDS = ("html", "json")
@@ -39,16 +39,15 @@ code { font: .85em ui-monospace, "DejaVu Sans Mono", monospace; background: #f2f
 """
 
 
-def write_summary(results: Sequence[dict[str, Any]], folder: Path, kinds: Sequence[str] = KINDS) -> list[Path]:
+def write_summary(results: Sequence[GateRecord], folder: Path, kinds: Sequence[str] = KINDS) -> list[Path]:
     """Write summary.html and summary.json, as asked, into `folder`, where each gate has a folder of its name; one that
     was not asked for is removed, since it would show an earlier run.
 
-    `results`: what `artefacts.as_json` makes of each, `artefacts.error_json` of one that could not be run, or of its
-    keys gate, outcome and reason alone.
     Returns the files. StoreError when one cannot be written.
     """
-    ordered = sorted(results, key=lambda result: ORDER.index(result["outcome"]))
-    texts = {"html": lambda: _page(ordered, folder), "json": lambda: json.dumps({"gates": ordered}, indent=2) + "\n"}
+    ordered = sorted(results, key=lambda result: ORDER.index(result.outcome))
+    texts = {"html": lambda: _page(ordered, folder),
+             "json": lambda: json.dumps({"gates": [as_json(result) for result in ordered]}, indent=2) + "\n"}
     written = []
     for kind, name in zip(KINDS, (HTML, JSON), strict=True):
         if kind in kinds:
@@ -61,15 +60,15 @@ def write_summary(results: Sequence[dict[str, Any]], folder: Path, kinds: Sequen
     return written
 
 
-def counted(results: Sequence[dict[str, Any]]) -> str:
+def counted(results: Sequence[GateRecord]) -> str:
     """'2 fail, 40 pass'."""
-    outcomes = [result["outcome"] for result in results]
+    outcomes = [result.outcome for result in results]
     return ", ".join(f"{outcomes.count(outcome)} {outcome}" for outcome in ORDER if outcome in outcomes) or "none"
 
 
-def _page(results: Sequence[dict[str, Any]], folder: Path) -> str:
+def _page(results: Sequence[GateRecord], folder: Path) -> str:
     sections = "\n".join(_section(result, folder) for result in results
-                         if result["outcome"] != "pass" or (folder / result["gate"] / PICTURES[0]).exists())
+                         if result.outcome != "pass" or (folder / result.gate / PICTURES[0]).exists())
     heads = "".join(f'<th class="n">{head}</th>' for head in (
         "mean error", "interval", "tolerance", "sure to fail from", "in the noisiest tile", "samples / pixel", "s"))
     return (f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>Gates</title>\n'
@@ -79,42 +78,41 @@ def _page(results: Sequence[dict[str, Any]], folder: Path) -> str:
             + f"\n</table></div>\n{sections}\n</main>\n</body>\n</html>\n")
 
 
-def _row(result: dict[str, Any]) -> str:
-    name, outcome = escape(result["gate"]), result["outcome"]
-    linked = name if outcome == "pass" else f'<a href="#{quote(result["gate"])}">{name}</a>'
+def _row(result: GateRecord) -> str:
+    name, outcome = escape(result.gate), result.outcome
+    linked = name if outcome == "pass" else f'<a href="#{quote(result.gate)}">{name}</a>'
     cells = ["–"] * 7
-    if outcome != "error":
-        tests = result["tests"]
-        error, low, high = (percent(result[key][Channel.LUMINANCE], signed=True) for key in ("error", "low", "high"))
-        cells = [error, f"{low} to {high}",
-                 f"±{percent(tests['mean']['tolerance'])}", percent(tests["mean"]["smallest_detectable"]),
-                 percent(tests["fine"]["smallest_detectable"]), f"{result['samples']} of {result['budget']}",
-                 f"{result['seconds']:.1f}"]
-    numbers = "".join(f'<td class="n">{cell}</td>' for cell in cells)
-    return (f'<tr><td>{linked}</td><td class="{outcome}">{outcome}</td>{numbers}'
-            f"<td>{escape(result.get('why', result['reason']))}</td></tr>")
+    if numbers := result.numbers:
+        mean, fine = numbers.tests["mean"], numbers.tests["fine"]
+        error, low, high = (percent(value, signed=True) for value in numbers.luminance)
+        cells = [error, f"{low} to {high}", f"±{percent(mean.tolerance)}", percent(mean.smallest_detectable),
+                 percent(fine.smallest_detectable), f"{numbers.samples} of {numbers.budget}",
+                 f"{numbers.seconds:.1f}"]
+    columns = "".join(f'<td class="n">{cell}</td>' for cell in cells)
+    return (f'<tr><td>{linked}</td><td class="{outcome}">{outcome}</td>{columns}'
+            f"<td>{escape(result.why or result.reason)}</td></tr>")
 
 
-def _section(result: dict[str, Any], folder: Path) -> str:
-    name = escape(result["gate"])
-    lines = [f'<h2 id="{name}">{name} <span class="{result["outcome"]}">{result["outcome"]}</span></h2>',
-             f"<p>{escape(result['reason'])}</p>"]
-    if "command" in result:
-        lines += [f"<p><code>{escape(result['command'])}</code></p>",
-                  f'<p class="soft">{escape(result["why"])} ({escape(result["origin"])})</p>']
-    if "tests" in result:
-        lines += [_tests(result),
-                  '<div class="pictures">', *(_figure(result["gate"], picture) for picture in PICTURES
-                                              if (folder / result["gate"] / picture).exists()), "</div>"]
+def _section(result: GateRecord, folder: Path) -> str:
+    name = escape(result.gate)
+    lines = [f'<h2 id="{name}">{name} <span class="{result.outcome}">{result.outcome}</span></h2>',
+             f"<p>{escape(result.reason)}</p>"]
+    if result.command:
+        lines += [f"<p><code>{escape(result.command)}</code></p>",
+                  f'<p class="soft">{escape(result.why)} ({escape(result.origin)})</p>']
+    if result.numbers:
+        lines += [_tests(result.numbers),
+                  '<div class="pictures">', *(_figure(result.gate, picture) for picture in PICTURES
+                                              if (folder / result.gate / picture).exists()), "</div>"]
     return "\n".join(lines)
 
 
-def _tests(result: dict[str, Any]) -> str:
+def _tests(numbers: GateNumbers) -> str:
     names = {"mean": "the image", "coarse": "larger tiles", "fine": "smaller tiles"}
-    rows = "".join(f'<tr><td>{names[key]}</td><td class="{test["outcome"]}">{test["outcome"]}</td>'
-                   f'<td class="n">{percent(test["largest_error"])}</td>'
-                   f'<td class="n">±{percent(test["tolerance"])}</td>'
-                   f"<td>{escape(test['reason'])}</td></tr>" for key, test in result["tests"].items())
+    rows = "".join(f'<tr><td>{names[key]}</td><td class="{test.outcome}">{test.outcome}</td>'
+                   f'<td class="n">{percent(test.largest_error)}</td>'
+                   f'<td class="n">±{percent(test.tolerance)}</td>'
+                   f"<td>{escape(test.reason)}</td></tr>" for key, test in numbers.tests.items())
     return ('<div class="scroll"><table><tr><th>test</th><th>outcome</th><th class="n">largest error</th>'
             f'<th class="n">tolerance</th><th>reason</th></tr>{rows}</table></div>')
 
