@@ -45,7 +45,7 @@ def report(
     Example: `harness report --profile quick`
     """
     from harness.files import data_dir, require_writable
-    from harness.report import build_report
+    from harness.report import Inputs, build_report
     from harness.studies.plan import PROFILES, judged
 
     began = time.perf_counter()
@@ -68,9 +68,9 @@ def report(
         exhibits, fresh = _exhibited()
         if fresh:
             elapsed["the handout's errors"] = time.perf_counter() - began_exhibits
-    pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE), elapsed=elapsed,
-                       exhibits=exhibits, calibration=_calibration(output / CALIBRATION_FILE),
-                       mutants=_mutants(output / MUTANTS_FILE))
+    inputs = Inputs(results, profile, elapsed=elapsed, exhibits=exhibits, bench=_benchmark(output / BENCH_FILE),
+                    calibration=_calibration(output / CALIBRATION_FILE), mutants=_mutants(output / MUTANTS_FILE))
+    pdf = build_report(inputs, output)
     items = {f"{result.scene} {item.strategy}": item
              for result in results for item in result.strategies if item.suits}
     verdicts = {name: item.outcome for name, item in items.items()}
@@ -81,7 +81,8 @@ def report(
     if json:
         print_json({"pdf": pdf, "seconds": time.perf_counter() - began, "verdicts": verdicts})
     else:
-        print(f"{len(verdicts) - len(lost)} of {len(verdicts)} verdicts pass; {time.perf_counter() - began:.0f} s")
+        print(f"{len(verdicts) - len(lost)} of {len(verdicts)} pairs of scene and strategy pass; "
+              f"{time.perf_counter() - began:.0f} s")
         print(pdf)
     return 1 if lost else 0
 

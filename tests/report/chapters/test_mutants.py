@@ -7,11 +7,14 @@ from typing import Any
 import pytest
 
 from harness.errors import StoreError
-from harness.report import formats
-from harness.report.document import compose, typeset
-from harness.report.html import html_page
-from harness.report.mutants import mutants_chapter
-from tests.support.report import study_result
+from harness.report import Inputs, formats
+from harness.report.blocks import Chapter, Remark, Remarks, Table
+from harness.report.chapters.mutants import chapters
+from harness.report.document import compose
+from harness.report.pages.html import html_page
+from harness.report.pages.typst import typeset
+from tests.support.blocks import blocks
+from tests.support.report import exact_study, study_result
 
 
 def matrix(**states: tuple[str, str, str]) -> dict[str, Any]:
@@ -33,55 +36,65 @@ MATRIX = matrix(a1=("killed", "killed", "not run"), a2=("survived", "killed", "n
                 b1=("survived", "survived", "not run"))
 
 
+def chapter(matrix: dict[str, Any] | None) -> Chapter | None:
+    return next(chapters(Inputs([exact_study()], "quick", mutants=matrix)), None)
+
+
+def remarks(matrix: dict[str, Any]) -> tuple[Remark, ...]:
+    found = chapter(matrix)
+    assert found is not None
+    return blocks(found, Remarks)[0].items
+
+
+def tables(matrix: dict[str, Any]) -> list[Table]:
+    """Of the gates, and of the mutants."""
+    found = chapter(matrix)
+    assert found is not None
+    return blocks(found, Table)
+
+
 def test_nothing_comes_of_nothing() -> None:
-    assert mutants_chapter(None) is None
+    assert chapter(None) is None
 
 
 def test_survivors_and_idle_gates_are_named() -> None:
-    chapter = mutants_chapter(MATRIX)
-    assert chapter is not None
-    assert [(remark.mark, remark.text) for remark in chapter.remarks] == [
+    assert [(remark.mark, remark.text) for remark in remarks(MATRIX)] == [
         ("fail", f"2 of 3{formats.NBSP}mutants killed."), ("fail", "Not noticed by any gate: b1.")]
-    all_die = mutants_chapter(matrix(a=("untouched", "killed", "not run")))
-    assert all_die is not None
-    assert [remark.mark for remark in all_die.remarks] == ["pass", "warning"]
-    assert "image" in all_die.remarks[1].text
+    all_die = remarks(matrix(a=("untouched", "killed", "not run")))
+    assert [remark.mark for remark in all_die] == ["pass", "warning"]
+    assert "image" in all_die[1].text
 
 
 def test_mutants_that_another_gate_killed_are_named() -> None:
-    chapter = mutants_chapter(matrix(a=("killed", "survived", "not run"), b=("untouched", "killed", "not run")))
-    assert chapter is not None
-    assert [(remark.mark, remark.text) for remark in chapter.remarks] == [
+    found = remarks(matrix(a=("killed", "survived", "not run"), b=("untouched", "killed", "not run")))
+    assert [(remark.mark, remark.text) for remark in found] == [
         ("pass", f"2 of 2{formats.NBSP}mutants killed."),
         ("warning", "Killed, but not by the gate that the catalogue expects: a.")]
 
 
 def test_gates_are_counted_and_those_that_did_not_run_left_out() -> None:
-    chapter = mutants_chapter(MATRIX)
-    assert chapter is not None
-    rows = {row[0].text: [cell.text for cell in row[1:]] for row in chapter.gates.rows}
+    rows = {row[0].text: [cell.text for cell in row[1:]] for row in tables(MATRIX)[0].rows}
     assert rows == {"image": ["1", "2", "–", "–"], "probe": ["2", "1", "–", "1"]}
 
 
 def test_each_mutant_has_its_killers_the_expected_one_first() -> None:
-    chapter = mutants_chapter(MATRIX)
-    assert chapter is not None
-    assert [[cell.text for cell in row] for row in chapter.mutants.rows] == [
+    table = tables(MATRIX)[1]
+    assert [[cell.text for cell in row] for row in table.rows] == [
         ["a1", "defect a1", "origin of a1", "probe, image"], ["a2", "defect a2", "origin of a2", "probe"],
         ["b1", "defect b1", "origin of b1", "nothing"]]
-    assert chapter.mutants.rows[2][3].mark == "fail"
-    assert chapter.mutants.rules == (0, 2), "a line where the topic changes"
+    assert table.rows[2][3].mark == "fail"
+    assert table.rules == (0, 2), "a line where the topic changes"
 
 
 def test_it_stands_in_the_pdf_and_in_the_page() -> None:
-    document = compose([study_result("a scene")], profile="quick", mutants=MATRIX)
+    document = compose(Inputs([study_result("a scene")], "quick", mutants=MATRIX))
     assert typeset(document).startswith(b"%PDF")
     page = html_page(document)
     assert "Bugs that must die" in page and "origin of a2" in page
-    assert "Bugs that must die" not in html_page(compose([study_result("a scene")], profile="quick"))
+    assert "Bugs that must die" not in html_page(compose(Inputs([study_result("a scene")], "quick")))
 
 
 @pytest.mark.parametrize("broken", [{}, {"gates": []}, {**MATRIX, "mutants": [{"id": "a"}]}])
 def test_another_file_is_refused(broken: dict[str, Any]) -> None:
     with pytest.raises(StoreError, match=r"mutants' results: .*; run `harness mutants` again"):
-        mutants_chapter(broken)
+        chapter(broken)

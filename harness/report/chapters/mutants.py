@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from harness.errors import StoreError
 from harness.report import formats
-from harness.report.content import Cell, Column, MutantsChapter, Remark, Table
+from harness.report.blocks import Cell, Chapter, Column, Paragraph, Remark, Remarks, Table
+from harness.report.inputs import Inputs
 
+PLACE = 50
 TITLE, ANCHOR = "Bugs that must die", "mutants"
 # Of the gates that killed a mutant, the table names so many.
 NAMED = 3
 
 
-def mutants_chapter(matrix: Mapping[str, Any] | None) -> MutantsChapter | None:
-    """The chapter, from what `harness mutants` writes; None where there is nothing.
+def chapters(inputs: Inputs) -> Iterator[Chapter]:
+    """The chapter, where mutants were run. StoreError when they are not of the form that `harness mutants` writes."""
+    if inputs.mutants is not None:
+        yield _chapter(inputs.mutants)
 
-    StoreError when `matrix` is not of that form.
-    """
-    if matrix is None:
-        return None
+
+def _chapter(matrix: Mapping[str, Any]) -> Chapter:
     try:
         gates, mutants = list(matrix["gates"]), list(matrix["mutants"])
         ran = [gate for gate in gates if any(each["states"][gate] != "not run" for each in mutants)]
@@ -31,8 +33,8 @@ def mutants_chapter(matrix: Mapping[str, Any] | None) -> MutantsChapter | None:
             "that it fails when it should, is what this chapter shows. Image gates compare renders with the reference: "
             "all of them at a glance, at 32 samples per pixel, and the one that should notice the defect, or all if "
             "none has yet, with as much as it takes. Test modules evaluate one part of the shader library.")
-        return MutantsChapter(TITLE, ANCHOR, introduction, _remarks(matrix, mutants), _gates(ran, mutants),
-                              _mutants(gates, mutants))
+        return Chapter(TITLE, ANCHOR, (Paragraph(introduction), Remarks(_remarks(matrix, mutants)),
+                                       _gates(ran, mutants), _mutants(gates, mutants)))
     except (KeyError, TypeError, AttributeError) as error:
         raise StoreError(f"mutants' results: {type(error).__name__} at {error}; run `harness mutants` again") from error
 
@@ -65,7 +67,7 @@ def _gates(gates: Sequence[str], mutants: Sequence[Mapping[str, Any]]) -> Table:
                "lies in code that the gate's scene does not use. Alone: killed by no other gate.")
     columns = (Column("Gate", share=1), Column("Killed", "right"), Column("Survived", "right"),
                Column("Untouched", "right"), Column("Alone", "right"))
-    return Table(caption, columns, tuple(rows))
+    return Table(caption, columns, tuple(rows), long=True)
 
 
 def _mutants(gates: Sequence[str], mutants: Sequence[Mapping[str, Any]]) -> Table:
@@ -81,7 +83,7 @@ def _mutants(gates: Sequence[str], mutants: Sequence[Mapping[str, Any]]) -> Tabl
     caption = ("All mutants, by the part of the shader: what each imitates, where it was seen, and which gates killed "
                "it, first the one that the catalogue expects.")
     return Table(caption, (Column("Mutant"), Column("Imitates", share=3), Column("Origin", share=3),
-                           Column("Killed by", share=2)), tuple(rows), tuple(rules))
+                           Column("Killed by", share=2)), tuple(rows), tuple(rules), long=True)
 
 
 def _killers(killers: Sequence[str], expected: str) -> Cell:
