@@ -6,10 +6,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 from harness.errors import HarnessError
-from harness.results import Exhibit, StudyResult
+from harness.results import BenchRow, Exhibit, KillRecord, StudyResult
 from harness.stats.calibration import Calibration
 
 
@@ -17,18 +16,18 @@ from harness.stats.calibration import Calibration
 class Inputs:
     """What was studied and measured. HarnessError without results, and for two results of one scene.
 
-    `profile`: the word for how thorough the studies were. `bench`, `mutants`: what `harness bench` and
-    `harness mutants` left, as JSON has it; `calibration`: the verdicts' own errors; `exhibits`: the handout's errors;
-    each if measured. `elapsed`: wall-clock seconds of the steps before the report, by name.
+    `profile`: the word for how thorough the studies were. `elapsed`: wall-clock seconds of the steps before the report,
+    by name. The rest as far as it was measured: `bench`, `mutants`: what `harness bench` and `harness mutants` found;
+    `exhibits`: the handout's errors; `calibration`: the verdicts' own errors.
     """
 
     results: Sequence[StudyResult]
     profile: str
-    bench: Mapping[str, Any] | None = None
+    bench: Sequence[BenchRow] = ()
     elapsed: Mapping[str, float] = field(default_factory=dict)
     exhibits: Sequence[Exhibit] = ()
     calibration: Calibration | None = None
-    mutants: Mapping[str, Any] | None = None
+    mutants: KillRecord | None = None
 
     def __post_init__(self) -> None:
         names = [result.scene for result in self.results]

@@ -15,7 +15,7 @@ from harness.results import StudyResult
 from harness.studies.study import study as honest_study
 from tests.cli.conftest import SKY, Harness
 
-ROW = bench.Row("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.0, opponent_rate=2.0, ratio=6.0, low=5.5,
+ROW = bench.BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.0, opponent_rate=2.0, ratio=6.0, low=5.5,
                 high=6.5, wall_ratio=6.1, efficiency_ratio=4.0)
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Sequence
 
-from harness.errors import StoreError
 from harness.report import formats
 from harness.report.blocks import Cell, Chapter, Column, Mark, Table
 from harness.report.inputs import Inputs
+from harness.results import BenchRow
 
 PLACE = 60
 TITLE, ANCHOR = "Speed", "speed"
@@ -20,15 +19,8 @@ def chapters(inputs: Inputs) -> Iterator[Chapter]:
         yield Chapter(TITLE, ANCHOR, (speed_table(inputs.bench),))
 
 
-def speed_table(bench: Mapping[str, Any]) -> Table:
-    """The benchmark as a table, from what `bench.save` writes: `rows`, one a measured case.
-
-    StoreError when `bench` is not of that form.
-    """
-    try:
-        rows = [_speed_row(row) for row in bench["rows"]]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise StoreError(f"benchmark results: {type(error).__name__} at {error}; run the benchmark again") from error
+def speed_table(rows: Sequence[BenchRow]) -> Table:
+    """The benchmark as a table, one row a measured case."""
     caption = (
         "Speed: millions of samples (paths) per second of CPU time, the GLSL tracer and what it is measured against in "
         "turns in one run on the same cores. Medians over the rounds; of their ratio also the extremes. path: "
@@ -39,15 +31,14 @@ def speed_table(bench: Mapping[str, Any]) -> Table:
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Against"), Column("GLSL\nM/s", "right"),
                Column("Other\nM/s", "right"), Column("Ratio", "right"), Column("Target", "right"),
                Column("Result"), Column("Elapsed", "right"), Column("Equal\nerror", "right"))
-    return Table(caption, columns, tuple(rows))
+    return Table(caption, columns, tuple(map(_row, rows)))
 
 
-def _speed_row(row: Mapping[str, Any]) -> tuple[Cell, ...]:
-    value, low, high, needed = (float(row[name]) for name in ("ratio", "low", "high", "needed"))
-    mark: Mark = "pass" if value >= needed else "fail"
-    rates = (Cell(formats.significant(float(row[name]))) for name in ("tracer_rate", "opponent_rate"))
-    others = (Cell(f"{formats.significant(float(row[name]), 2)}{formats.TIMES}")
-              for name in ("wall_ratio", "efficiency_ratio"))
-    return (Cell(str(row["scene"])), Cell(str(row["strategy"])), Cell(str(row["opponent"])), *rates,
-            Cell(formats.ratio(value, low, high)), Cell(f"≥{formats.NBSP}{needed:g}{formats.TIMES}"),
+def _row(row: BenchRow) -> tuple[Cell, ...]:
+    mark: Mark = "pass" if row.ratio >= row.needed else "fail"
+    rates = (Cell(formats.significant(rate)) for rate in (row.tracer_rate, row.opponent_rate))
+    others = (Cell(f"{formats.significant(ratio, 2)}{formats.TIMES}")
+              for ratio in (row.wall_ratio, row.efficiency_ratio))
+    return (Cell(row.scene), Cell(row.strategy), Cell(row.opponent), *rates,
+            Cell(formats.ratio(row.ratio, row.low, row.high)), Cell(f"≥{formats.NBSP}{row.needed:g}{formats.TIMES}"),
             Cell("reached" if mark == "pass" else "missed", mark), *others)

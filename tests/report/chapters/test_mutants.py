@@ -2,51 +2,45 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import pytest
-
-from harness.errors import StoreError
 from harness.report import Inputs, formats
 from harness.report.blocks import Chapter, Remark, Remarks, Table
 from harness.report.chapters.mutants import chapters
 from harness.report.document import compose
 from harness.report.pages.html import html_page
 from harness.report.pages.typst import typeset
+from harness.results import KillRecord, MutantRecord
 from tests.support.blocks import blocks
 from tests.support.report import exact_study, study_result
 
 
-def matrix(**states: tuple[str, str, str]) -> dict[str, Any]:
-    """What `harness mutants` writes for mutants with these states at the gates `image`, `probe` and `other`."""
-    gates = ["image", "probe", "other"]
+def matrix(**states: tuple[str, str, str]) -> KillRecord:
+    """What `harness mutants` finds where mutants have these states at the gates `image`, `probe` and `other`."""
+    gates = ("image", "probe", "other")
     rows = {name: dict(zip(gates, row, strict=True)) for name, row in states.items()}
-    return {
-        "gates": gates,
-        "mutants": [{"id": name, "topic": name[0], "file": "lib/phong.glsl", "imitates": f"defect {name}",
-                     "origin": f"origin of {name}", "killer": "probe", "states": row} for name, row in rows.items()],
-        "survivors": [name for name, row in rows.items() if "killed" not in row.values()],
-        "idle": [gate for gate in gates if not any(row[gate] == "killed" for row in rows.values())
-                 and any(row[gate] != "not run" for row in rows.values())],
-        "missed": [name for name, row in rows.items() if "killed" in row.values() and row["probe"] != "killed"],
-    }
+    return KillRecord(
+        gates, tuple(MutantRecord(name, name[0], "lib/phong.glsl", f"defect {name}", f"origin of {name}", "probe", row)
+                     for name, row in rows.items()),
+        survivors=tuple(name for name, row in rows.items() if "killed" not in row.values()),
+        idle=tuple(gate for gate in gates if not any(row[gate] == "killed" for row in rows.values())
+                   and any(row[gate] != "not run" for row in rows.values())),
+        missed=tuple(name for name, row in rows.items() if "killed" in row.values() and row["probe"] != "killed"))
 
 
 MATRIX = matrix(a1=("killed", "killed", "not run"), a2=("survived", "killed", "not run"),
                 b1=("survived", "survived", "not run"))
 
 
-def chapter(matrix: dict[str, Any] | None) -> Chapter | None:
+def chapter(matrix: KillRecord | None) -> Chapter | None:
     return next(chapters(Inputs([exact_study()], "quick", mutants=matrix)), None)
 
 
-def remarks(matrix: dict[str, Any]) -> tuple[Remark, ...]:
+def remarks(matrix: KillRecord) -> tuple[Remark, ...]:
     found = chapter(matrix)
     assert found is not None
     return blocks(found, Remarks)[0].items
 
 
-def tables(matrix: dict[str, Any]) -> list[Table]:
+def tables(matrix: KillRecord) -> list[Table]:
     """Of the gates, and of the mutants."""
     found = chapter(matrix)
     assert found is not None
@@ -92,9 +86,3 @@ def test_it_stands_in_the_pdf_and_in_the_page() -> None:
     page = html_page(document)
     assert "Bugs that must die" in page and "origin of a2" in page
     assert "Bugs that must die" not in html_page(compose(Inputs([study_result("a scene")], "quick")))
-
-
-@pytest.mark.parametrize("broken", [{}, {"gates": []}, {**MATRIX, "mutants": [{"id": "a"}]}])
-def test_another_file_is_refused(broken: dict[str, Any]) -> None:
-    with pytest.raises(StoreError, match=r"mutants' results: .*; run `harness mutants` again"):
-        chapter(broken)
