@@ -1,4 +1,4 @@
-"""What studies, gates and exhibits found, as plain values: written by them, read by `report` and the command line."""
+"""What studies, gates, exhibits, benchmarks and mutants found, as plain values: read by `report` and the commands."""
 
 from __future__ import annotations
 
@@ -227,3 +227,54 @@ class Exhibit:
     images: tuple[ExhibitImage, ...] = ()
     plots: tuple[Plot, ...] = ()
     message: str = ""
+
+
+@dataclass(frozen=True)
+class BenchRow:
+    """A measured case of `harness bench`. Rates in million samples (paths) per CPU second, medians over the rounds.
+
+    `ratio`: tracer's rate over the opponent's, the median of the rounds' own ratios, `low` and `high` their extremes.
+    `wall_ratio`: the same by elapsed time. `efficiency_ratio`: of 1 / (variance x CPU time), so it also counts how
+    noisy a sample is: how much faster the tracer reaches the same error.
+    """
+
+    scene: str
+    strategy: str
+    opponent: str
+    needed: float
+    tracer_rate: float
+    opponent_rate: float
+    ratio: float
+    low: float
+    high: float
+    wall_ratio: float
+    efficiency_ratio: float
+
+
+@dataclass(frozen=True)
+class MutantRecord:
+    """A seeded bug, and what each gate said of it: killed, survived, untouched or not run, by the gate's name.
+
+    `topic`, `file`: the part and the file of the shader; `imitates`, `origin`: what defect it is, and where that was
+    seen; `killer`: the gate that should notice it.
+    """
+
+    id: str
+    topic: str
+    file: str
+    imitates: str
+    origin: str
+    killer: str
+    states: dict[str, str]
+
+
+@dataclass(frozen=True)
+class KillRecord:
+    """What `harness mutants` found. By name: `survivors`, mutants that no gate noticed; `missed`, those that the gate
+    which the catalogue names did not kill; `idle`, gates that ran and killed nothing."""
+
+    gates: tuple[str, ...]
+    mutants: tuple[MutantRecord, ...]
+    survivors: tuple[str, ...]
+    idle: tuple[str, ...]
+    missed: tuple[str, ...]

@@ -44,6 +44,9 @@ ONLY = {
 # Who may import a package at all.
 PACKAGES = {"moderngl": {"gpu"}, "mitsuba": {"machine", "reference", "scene"},
             "drjit": {"machine", "reference", "scene"}}
+# Inside the report: media know blocks and no chapter, chapters know blocks and no medium.
+APART = (("report/pages", "harness.report.chapters"), ("report/chapters", "harness.report.pages"),
+         ("report/figures", "harness.report.blocks"))
 MAX_LINES = 450
 
 
@@ -88,6 +91,12 @@ class TestModule:
         packages = {name.split(".")[0] for name in imports(path)}
         wrong = {name for name in packages & PACKAGES.keys() if part(path) not in PACKAGES[name]}
         assert not wrong, f"{part(path)} may not import {sorted(wrong)}"
+
+    def test_of_a_report_keeps_media_and_chapters_apart(self, path: Path) -> None:
+        inside = path.relative_to(ROOT / "harness").as_posix()
+        wrong = {name for folder, other in APART if inside.startswith(f"{folder}/")
+                 for name in imports(path) if name.startswith(other)}
+        assert not wrong, f"{inside} may not import {sorted(wrong)}"
 
     def test_begins_with_a_line_that_says_what_it_is_for(self, path: Path) -> None:
         docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))

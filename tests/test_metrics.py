@@ -21,8 +21,9 @@ from harness.metrics import (
     signed_relative_difference,
     ssim,
 )
+from harness.report.blocks import Term
+from harness.report.chapters.reading import glossary
 from harness.report.tables import accuracy_table
-from harness.report.words import reading
 from harness.samples.estimate import Estimate
 from harness.samples.tone import encode_srgb
 from harness.studies.storage import load_study, save_study
@@ -344,7 +345,8 @@ class TestRegistry:
         assert float(cells["largest error\n(radiance)"].text) == pytest.approx(first.score("largest_error"), rel=0.01)
         assert "SSIM and largest error: of one replica" in table.caption
         assert "share off: part of the values that differ. " in table.caption
-        assert ("share off", "Part of the values that differ. It counts each colour. Lower is better.") in reading()
+        term = Term("share off", "Part of the values that differ. It counts each colour. Lower is better.")
+        assert term in glossary() and "FLIP" in {each.name for each in glossary()}
 
     def test_a_study_kept_from_before_a_metric_was_added_is_measured_again(self, monkeypatch: pytest.MonkeyPatch,
                                                                           tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import os
@@ -10,12 +9,8 @@ import shlex
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, NullLocator, PercentFormatter
@@ -23,8 +18,9 @@ from matplotlib.ticker import FuncFormatter, NullLocator, PercentFormatter
 from harness.files import write_atomically
 from harness.gates.model import Gate, GateResult
 from harness.gates.records import as_json
-from harness.report.pictures import DIFFERENCE_MAP, difference_map, robust_limit, tile_pixels
-from harness.report.style import RC, TOLERANCE_COLOUR, strategy_style
+from harness.report.figures.pictures import DIFFERENCE_MAP, difference_map, robust_limit, tile_pixels
+from harness.report.figures.style import TOLERANCE_COLOUR, strategy_style
+from harness.report.figures.svg import blank, png, svg
 from harness.results import GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord
 from harness.samples.exr import write_estimate
 from harness.samples.images import write_png
@@ -38,7 +34,7 @@ PICTURES = ("test.png", "reference.png", DIFFERENCE, Z_MAP, CURVE)
 # The difference map's range is at least that of visible errors, the z-map's that of chance.
 LEAST_DIFFERENCE = 0.02
 LEAST_Z = 5.0
-_MAP_CM, _CURVE_CM, _DPI, _CM = (13.0, 9.5), (17.0, 7.0), 110, 1 / 2.54
+_MAP_CM, _CURVE_CM = (13.0, 9.5), (17.0, 7.0)
 
 
 def save_result(result: GateResult, folder: Path, *, pictures: bool = True) -> None:
@@ -53,11 +49,11 @@ def save_result(result: GateResult, folder: Path, *, pictures: bool = True) -> N
             write_estimate(folder / f"{name}.exr", estimate, facts)
             write_png(folder / f"{name}.png", estimate.mean, result.exposure)
         # Letters as shapes: the file is looked at alone, where nobody brings the fonts.
-        settings: Any = {**RC, "svg.hashsalt": result.gate.name, "svg.fonttype": "path"}
-        with matplotlib.rc_context(settings):
-            _write(folder / Z_MAP, _z_map(result))
-            _write(folder / DIFFERENCE, _difference(result))
-            _write(folder / CURVE, _curve(result))
+        curve = svg(lambda: _curve(result), result.gate.name, letters_as_shapes=True)
+        figures = {Z_MAP: png(lambda: _z_map(result)), DIFFERENCE: png(lambda: _difference(result)), CURVE: curve}
+        for name, content in figures.items():
+            with write_atomically(folder / name) as partial:
+                partial.write_bytes(content)
     with write_atomically(folder / RESULT_FILE) as partial:
         partial.write_text(json.dumps(as_json(record(result)), indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
@@ -115,18 +111,6 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _write(path: Path, figure: Figure) -> None:
-    buffer = io.BytesIO()
-    if path.suffix == ".svg":
-        FigureCanvasSVG(figure)
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    else:
-        FigureCanvasAgg(figure)
-        figure.savefig(buffer, format="png", dpi=_DPI)
-    with write_atomically(path) as partial:
-        partial.write_bytes(buffer.getvalue())
-
-
 def _z_map(result: GateResult) -> Figure:
     """Errors of the smaller tiles over their standard errors, of the channel in which each is largest."""
     fine = result.verdict.fine
@@ -152,7 +136,7 @@ def _difference(result: GateResult) -> Figure:
 
 
 def _map(values: np.ndarray, limit: float, title: str, label: str) -> Figure:
-    figure = Figure(figsize=(_MAP_CM[0] * _CM, _MAP_CM[1] * _CM), layout="constrained")
+    figure = blank(*_MAP_CM, layout="constrained")
     axes = figure.subplots()
     axes.set_facecolor("#a0a0a0")  # what is not finite
     shown = axes.imshow(values, cmap=DIFFERENCE_MAP, vmin=-limit, vmax=limit, interpolation="nearest")
@@ -164,7 +148,7 @@ def _map(values: np.ndarray, limit: float, title: str, label: str) -> Figure:
 
 def _curve(result: GateResult) -> Figure:
     """Mean error with its interval inside the tolerance's band, and the tiles' RMSE, against samples per pixel."""
-    figure = Figure(figsize=(_CURVE_CM[0] * _CM, _CURVE_CM[1] * _CM), layout="constrained")
+    figure = blank(*_CURVE_CM, layout="constrained")
     left, right = figure.subplots(1, 2)
     style = strategy_style(result.gate.strategy)
     samples = np.array([point.samples for point in result.curve])

@@ -8,13 +8,16 @@ import numpy as np
 
 from harness.metrics import Metric, shown_in
 from harness.report import formats
-from harness.report.content import SYMBOLS, Cell, Column, Mark, Swatch, Table
-from harness.report.style import strategy_style
+from harness.report.blocks import SYMBOLS, Cell, Column, Mark, Swatch, Table
+from harness.report.figures.style import strategy_style
 from harness.results import StrategyResult, StudyResult
 from harness.stats.channels import CHANNELS, Channel
 from harness.stats.convergence import slope_verdict
 from harness.studies.equal_error import EqualError
 
+# What is said of a slope; it is no verdict on a render, which passes, fails or is inconclusive.
+SLOPE_WORDS: dict[Mark, str] = {"pass": "yes", "fail": "no", "inconclusive": "not shown", "exact": "exact",
+                                "": "not fitted"}
 # The Monte Carlo rate that slopes are held against, and by how much a slope's interval may stray from it.
 EXPECTED_SLOPE = -0.5
 SLOPE_TOLERANCE = 0.05
@@ -32,7 +35,8 @@ def is_exact(strategy: StrategyResult) -> bool:
 
 
 def slope_mark(strategy: StrategyResult) -> Mark:
-    """The verdict on the slope against -1/2: pass, fail or inconclusive; `exact` without noise, empty if not fitted."""
+    """Is the slope -1/2? pass: shown; fail: shown not to be; else inconclusive; `exact` without noise, empty if not
+    fitted."""
     if strategy.slope is None:
         return "exact" if is_exact(strategy) else ""
     return slope_verdict(strategy.slope, EXPECTED_SLOPE, SLOPE_TOLERANCE)
@@ -69,13 +73,13 @@ def verdict_table(results: Sequence[StudyResult], anchors: Sequence[str]) -> Tab
         "confidence interval. Beside it, each with its tolerance, the verdicts on the mean, on every larger and on "
         f"every smaller tile, in all channels: {SYMBOLS['pass']} shown to lie within, {SYMBOLS['fail']} shown to lie "
         f"outside, {SYMBOLS['inconclusive']} undecided by these samples. Slope: of RMSE against samples per pixel on "
-        f"log axes; the Monte Carlo rate is {formats.MINUS}1/2, and a slope passes when its whole interval lies within "
+        f"log axes. The Monte Carlo rate is {formats.MINUS}1/2; yes: the slope's whole interval lies within "
         f"{formats.number(EXPECTED_SLOPE - SLOPE_TOLERANCE, 2)} … "
-        f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}.")
+        f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}, no: it lies outside, not shown: it reaches across.")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Samples\nper pixel", "right"),
                Column("Mean error", "right"), Column("Mean"), Column("Larger\ntiles"), Column("Smaller\ntiles"),
-               Column("Slope", "right"), Column("Verdict"))
-    return Table(caption, columns, tuple(rows), tuple(rules))
+               Column("Slope", "right"), Column(f"Slope\n{formats.MINUS}1/2?"))
+    return Table(caption, columns, tuple(rows), tuple(rules), long=True)
 
 
 def _verdict_cells(strategy: StrategyResult) -> tuple[Cell, ...]:
@@ -85,7 +89,7 @@ def _verdict_cells(strategy: StrategyResult) -> tuple[Cell, ...]:
     mark = slope_mark(strategy)
     verdicts = (Cell(formats.tolerance(found.tolerance), found.outcome)
                 for found in (strategy.verdict, strategy.tiles.coarse, strategy.tiles.fine))
-    return (*verdicts, Cell(slope_text(strategy)), Cell(mark or "not fitted", mark))
+    return (*verdicts, Cell(slope_text(strategy)), Cell(SLOPE_WORDS[mark], mark))
 
 
 def accuracy_table(result: StudyResult) -> Table:
@@ -156,13 +160,8 @@ def cost_table(result: StudyResult, equal: EqualError) -> Table:
 
 
 def _slope_confidence(equal: EqualError) -> str:
-    levels = {cost.strategy.slope.confidence for cost in equal.costs if cost.strategy.slope}
-    return _levels_text(levels)
+    return formats.levels(cost.strategy.slope.confidence for cost in equal.costs if cost.strategy.slope)
 
 
 def _confidence_text(strategies: Sequence[StrategyResult]) -> str:
-    return _levels_text({strategy.verdict.confidence for strategy in strategies})
-
-
-def _levels_text(levels: set[float]) -> str:
-    return formats.words([f"{100 * level:g}{formats.NBSP}%" for level in sorted(levels)])
+    return formats.levels(strategy.verdict.confidence for strategy in strategies)

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from harness.report.figures.style import GUIDE_COLOUR, TOLERANCE_COLOUR, strategy_style
+from harness.report.figures.svg import blank, svg
 from harness.report.formats import MINUS, number
-from harness.report.style import GUIDE_COLOUR, RC, TOLERANCE_COLOUR, strategy_style
 from harness.results import StrategyResult, StudyResult
 from harness.stats.convergence import band
 
-_CM = 1 / 2.54
 WIDTH_CM, HEIGHT_CM = 17.0, 7.2  # the page's text width; the figure is printed at its own size
 
 LEGEND_COLUMNS = 3
@@ -31,12 +28,7 @@ _DODGE = 1.12
 
 def curves_svg(result: StudyResult) -> bytes:
     """`curves` as SVG, its text in text elements; the same bytes for the same result."""
-    settings: Any = {**RC, "svg.hashsalt": result.scene}  # without a salt, names in the file are random
-    with matplotlib.rc_context(settings):
-        figure = curves(result)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
+    return svg(lambda: curves(result), result.scene)
 
 
 def curves(result: StudyResult) -> Figure:
@@ -45,8 +37,7 @@ def curves(result: StudyResult) -> Figure:
     Bands are Student confidence intervals over the replicas, at the confidence of the scene's verdicts; error bars
     in the middle panel are the verdict's own interval, of the estimate that merges all replicas.
     """
-    figure = Figure(figsize=(WIDTH_CM * _CM, HEIGHT_CM * _CM))
-    FigureCanvasSVG(figure)
+    figure = blank(WIDTH_CM, HEIGHT_CM)
     panels = figure.subplots(1, 3)
     figure.subplots_adjust(left=0.055, right=0.985, bottom=0.13, top=0.78, wspace=0.27)
     _rmse_panel(panels[0], result)

@@ -13,8 +13,8 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from harness.report.figures import curves, curves_svg
-from harness.report.style import RC, strategy_style
+from harness.report.figures.convergence import curves, curves_svg
+from harness.report.figures.style import RC, strategy_style
 from harness.results import StudyResult
 from tests.support.report import with_curves
 
