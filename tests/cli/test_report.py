@@ -164,16 +164,18 @@ def test_all_scenes_of_a_report_share_the_rate_of_false_alarms(
 
 
 @pytest.mark.parametrize("content", ["", '{"rows": [{"scene": "x"}]}'])
-def test_a_damaged_benchmark_is_left_out_with_a_warning(
-    harness: Harness, sky: Path, unset: list[Inputs], content: str,
+@pytest.mark.parametrize(("name", "kind"), [
+    ("bench", "a benchmark result"), ("calibration", "a calibration"), ("mutants", "a kill matrix")])
+def test_what_is_damaged_beside_the_report_is_left_out_with_a_warning(
+    harness: Harness, sky: Path, unset: list[Inputs], name: str, kind: str, content: str,
 ) -> None:
     Path("out").mkdir()
-    Path("out/bench.json").write_text(content)
+    Path(f"out/{name}.json").write_text(content)
     done = harness("report", sky, "-o", "out")
     assert done.status == 0
-    assert done.err.startswith("warning: out/bench.json: not a benchmark result (")
+    assert done.err.startswith(f"warning: out/{name}.json: not {kind} (") and done.err.count("\n") == 1
     assert done.err.endswith("; the report goes without it\n")
-    assert unset[0].bench is None
+    assert not getattr(unset[0], name)
 
 
 class TestExhibits:
