@@ -16,6 +16,7 @@ from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
 from harness.files import write_atomically
 from harness.progress import Progress, quiet
+from harness.results import BenchRow
 from harness.samples.estimate import Accumulator
 from harness.scene import SceneFile
 from harness.work.provenance import versions
@@ -57,28 +58,6 @@ CASES = (
 WITHOUT = {"no lens": "lens", "no motion": "motion"}
 
 
-@dataclass(frozen=True)
-class Row:
-    """A measured case. Rates in million samples (paths) per CPU second, medians over the rounds.
-
-    `ratio`: tracer's rate over the opponent's, the median of the rounds' own ratios, `low` and `high` their extremes.
-    `wall_ratio`: the same by elapsed time. `efficiency_ratio`: of 1 / (variance x CPU time), so it also counts how
-    noisy a sample is: how much faster the tracer reaches the same error.
-    """
-
-    scene: str
-    strategy: str
-    opponent: str
-    needed: float
-    tracer_rate: float
-    opponent_rate: float
-    ratio: float
-    low: float
-    high: float
-    wall_ratio: float
-    efficiency_ratio: float
-
-
 class _Lane:
     """One renderer's measurements in a case."""
 
@@ -108,7 +87,7 @@ class _Lane:
         return statistics.median(self.cpu) / (float(estimate.variance.mean()) * estimate.samples)
 
 
-def run(cases: Sequence[Case] = CASES, rounds: int = 7, progress: Progress = quiet) -> list[Row]:
+def run(cases: Sequence[Case] = CASES, rounds: int = 7, progress: Progress = quiet) -> list[BenchRow]:
     """Measure each case: the two renderers in turn, `rounds` times (at least 2)."""
     rows = []
     with progress(len(cases) * rounds, "benchmark") as advance:
@@ -117,7 +96,7 @@ def run(cases: Sequence[Case] = CASES, rounds: int = 7, progress: Progress = qui
     return rows
 
 
-def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Row:
+def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> BenchRow:
     scene = SceneFile.bundled(case.scene)
     pixels = scene.film.width * scene.film.height
     with Tracer(case.strategy).open(scene) as tracer, _opponent(case).open(scene) as opponent:
@@ -128,7 +107,7 @@ def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Row:
             advance(1)
     ratios = [a / b for a, b in zip(ours.cpu, theirs.cpu, strict=True)]
     walls = [a / b for a, b in zip(ours.wall, theirs.wall, strict=True)]
-    return Row(
+    return BenchRow(
         **asdict(case),
         tracer_rate=statistics.median(ours.cpu) / 1e6, opponent_rate=statistics.median(theirs.cpu) / 1e6,
         ratio=statistics.median(ratios), low=min(ratios), high=max(ratios), wall_ratio=statistics.median(walls),
@@ -142,14 +121,14 @@ def _opponent(case: Case) -> Estimator:
     return Mitsuba(case.opponent)
 
 
-def save(rows: Sequence[Row], path: Path) -> None:
+def save(rows: Sequence[BenchRow], path: Path) -> None:
     """Write the rows and the versions they were measured with as JSON, for the report."""
     with write_atomically(path) as partial:
         content = {"rows": [asdict(row) for row in rows], "versions": versions()}
         partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
-def load(path: Path) -> list[Row]:
+def load(path: Path) -> list[BenchRow]:
     """The rows that `save` wrote; StoreError where the file is not one."""
     try:
         return [_row(held) for held in json.loads(path.read_text(encoding="utf-8"))["rows"]]
@@ -158,7 +137,7 @@ def load(path: Path) -> list[Row]:
                          ) from None
 
 
-def _row(held: Mapping[str, Any]) -> Row:
+def _row(held: Mapping[str, Any]) -> BenchRow:
     values: dict[str, Any] = {field.name: (str if field.type == "str" else float)(held[field.name])
-                              for field in fields(Row)}
-    return Row(**values)
+                              for field in fields(BenchRow)}
+    return BenchRow(**values)

@@ -1,14 +1,23 @@
-"""Image metrics: linear errors against a noisy reference, and display metrics at a fixed exposure."""
+"""Image metrics: linear errors against a noisy reference, and display metrics at a fixed exposure.
+
+To add one: a function here, and an entry of `METRICS` below it, which comparisons, studies, their files and tables, and
+the report walk.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from harness.errors import HarnessError
-from harness.samples.estimate import luminance
+from harness.samples.estimate import Estimate, luminance
 from harness.samples.tone import encode_srgb
 from harness.stats.bias import error_scale
+from harness.stats.channels import Channel
 
 # Side of SSIM's Gaussian window: sigma 1.5 pixels (Wang et al. 2004) cut at 3.5 sigma.
 SSIM_WINDOW = 11
@@ -118,6 +127,78 @@ def signed_relative_difference(test: ArrayLike, reference: ArrayLike) -> np.ndar
     test_luminance, reference_luminance = (luminance(image) for image in _pair(test, reference))
     floor = DARK_PIXEL * reference_luminance.mean()
     return (test_luminance - reference_luminance) / np.maximum(reference_luminance, floor if floor > 0 else 1.0)
+
+
+# Image under test and reference (H, W, 3), the variance of the reference's mean (H, W, 3) or None, exposure in stops.
+Measure = Callable[[np.ndarray, np.ndarray, np.ndarray | None, float], float]
+Place = Literal["compare", "study", "report"]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number that tells how far an image is from its reference, and what its readers need to show it.
+
+    `name`: in JSON and CSV. `heading`: of its column. `sentence`: what it is, in one line without a full stop; the
+    report's list of terms adds the `explanation`, whole sentences, and which way is `better`. `unit`: empty for pure
+    numbers. `decimals` in tables; None: three significant digits. `channel`: the one that it looks at, empty for all
+    three colours. `at_prefixes`: studies measure it along each replica's curve, otherwise once, of all replicas merged.
+    `shown`: whose tables have it; JSON and CSV always do.
+    """
+
+    name: str
+    measure: Measure
+    heading: str
+    sentence: str
+    better: Literal["lower", "higher", "nearer to zero"] = "lower"
+    explanation: str = ""
+    unit: str = ""
+    decimals: int | None = None
+    channel: str = ""
+    at_prefixes: bool = False
+    shown: tuple[Place, ...] = ("compare", "study", "report")
+
+    def text(self, value: float) -> str:
+        """The value as a table on a terminal shows it."""
+        return f"{value:.3g}" if self.decimals is None else f"{value:.{self.decimals}f}"
+
+
+METRICS: tuple[Metric, ...] = (
+    Metric("rmse", lambda test, reference, noise, exposure: rmse(test, reference, noise), "RMSE",
+           "root of the mean squared error, reference noise taken off", unit="radiance", at_prefixes=True,
+           shown=("compare", "study")),  # the report draws it
+    Metric("relmse", lambda test, reference, noise, exposure: relmse(test, reference, noise), "relMSE",
+           "mean squared error relative to the reference, worst 0.1 % left out", shown=("compare",)),
+    Metric("mean_error", lambda test, reference, noise, exposure: float(mean_error(test, reference)[Channel.LUMINANCE]),
+           "mean error", "signed error of the image's mean luminance, relative to the reference's",
+           better="nearer to zero", channel="luminance", at_prefixes=True,
+           shown=()),  # verdicts tell it, with its interval
+    Metric("ssim", lambda test, reference, noise, exposure: ssim(test, reference, exposure), "SSIM",
+           "structural similarity on sRGB-encoded images; 1 is identical", better="higher", decimals=4,
+           at_prefixes=True),
+    Metric("flip", lambda test, reference, noise, exposure: flip(test, reference, exposure), "FLIP",
+           "mean FLIP error on sRGB-encoded images; 0 is identical", decimals=4, shown=("compare", "report"),
+           explanation="It estimates the difference that a viewer notices when the two images alternate on a screen, "
+                       "0 to 1 for each pixel."),
+    Metric("delta_e2000", lambda test, reference, noise, exposure: delta_e2000(test, reference, exposure), "ΔE",
+           "mean colour difference; 1 is about just noticeable", decimals=3, shown=("compare", "report"),
+           explanation="By the formula of CIE 2000, on sRGB-encoded images, side by side."),
+)
+
+
+def measure(test: np.ndarray, reference: Estimate, exposure: float, *, at_prefixes: bool | None = None,
+            ) -> dict[str, float]:
+    """All metrics of an image (H, W, 3) by name; those that are measured along curves, or the others, where asked.
+
+    Where the reference's variance is not known (files of other renderers) its noise stays in. Raises as they do.
+    """
+    noise = None if np.isnan(reference.variance).any() else reference.variance
+    return {metric.name: metric.measure(test, reference.mean, noise, exposure) for metric in METRICS
+            if at_prefixes in (None, metric.at_prefixes)}
+
+
+def shown_in(place: Place) -> tuple[Metric, ...]:
+    """The metrics that the tables of a command or of the report show, in their order."""
+    return tuple(metric for metric in METRICS if place in metric.shown)
 
 
 def _pair(test: ArrayLike, reference: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

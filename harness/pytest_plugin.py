@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from harness.errors import HarnessError
 
 if TYPE_CHECKING:
     from harness.gates import Gate, GateResult, References
+    from harness.results import GateRecord
     from harness.shader.library import Library
 
 # Where results go, below the root folder, when neither the ini file nor the command line says.
@@ -130,14 +132,16 @@ class GateItem(pytest.Item):
         except HarnessError as error:
             with suppress(OSError):
                 folder.rmdir()
-            self._tell(artefacts.error_json(self.gate, error))
+            self._tell(artefacts.error_record(self.gate, error))
             raise
-        self._tell(artefacts.as_json(result))
+        self._tell(artefacts.record(result))
         if result.outcome != "pass":
             raise GateFailure(result, folder)
 
-    def _tell(self, found: dict[str, Any]) -> None:
-        self.user_properties.append((PROPERTY, json.dumps({**found, "gate": self.label})))
+    def _tell(self, found: GateRecord) -> None:
+        from harness.gates.records import as_json
+
+        self.user_properties.append((PROPERTY, json.dumps(as_json(replace(found, gate=self.label)))))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """What went wrong, without a traceback unless it is a bug of the harness."""
@@ -159,7 +163,7 @@ class GateFailure(Exception):
         gate, mean = result.gate, result.verdict.mean
         super().__init__("\n".join((
             f"{result.outcome}: {result.reason}",
-            f"mean error of luminance {percent(float(mean.error[0, 0, 3]), signed=True)}, tolerance "
+            f"mean error of luminance {percent(result.verdict.luminance[0], signed=True)}, tolerance "
             f"±{percent(mean.tolerance)}, after {result.test.samples} of {gate.spp * gate.replicas} samples per pixel",
             f"why this tolerance: {gate.reason}",
             f"look at: {folder}",
@@ -171,7 +175,7 @@ class _Summary:
 
     def __init__(self, config: pytest.Config) -> None:
         self.config = config
-        self.results: list[dict[str, Any]] = []
+        self.results: list[GateRecord] = []
         self.written: list[Path] = []
         self.trouble = ""  # what kept the summary from being written
 
@@ -180,10 +184,13 @@ class _Summary:
             return
         found = dict(report.user_properties).get(PROPERTY)
         if found is not None:
-            self.results.append(json.loads(str(found)))
+            from harness.gates.records import from_json
+
+            self.results.append(from_json(json.loads(str(found))))
         elif report.failed and report.location[2].startswith("gate: "):
-            self.results.append({"gate": report.location[2].removeprefix("gate: "), "outcome": "error",
-                                 "reason": report.longreprtext})
+            from harness.results import GateRecord
+
+            self.results.append(GateRecord(report.location[2].removeprefix("gate: "), "error", report.longreprtext))
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         if hasattr(self.config, "workerinput") or not self.results:  # a worker's results are the controller's too
@@ -191,7 +198,7 @@ class _Summary:
         from harness.gates.summary import write_summary
 
         kinds = _kinds(self.config.getoption("--harness-generate-summary"))
-        if not kinds and any(result["outcome"] != "pass" for result in self.results):
+        if not kinds and any(result.outcome != "pass" for result in self.results):
             kinds = ("html",)
         try:
             self.written = write_summary(self.results, results_folder(self.config), kinds)
@@ -201,7 +208,7 @@ class _Summary:
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         if self.results:
-            outcomes = [result["outcome"] for result in self.results]
+            outcomes = [result.outcome for result in self.results]
             terminalreporter.write_sep("=", "gates")
             terminalreporter.write_line(", ".join(f"{outcomes.count(outcome)} {outcome}" for outcome in dict.fromkeys(
                 sorted(outcomes))))

@@ -1,7 +1,8 @@
-"""What studies and exhibits found, as plain values: written by them, read by `report` and the command line."""
+"""What studies, gates, exhibits, benchmarks and mutants found, as plain values: read by `report` and the commands."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from harness.samples.estimate import Estimate
 from harness.stats.bias import MeanErrorVerdict, Outcome
+from harness.stats.channels import Channel
 from harness.stats.convergence import Slope
 from harness.stats.findings import Tiles
 
@@ -17,10 +19,9 @@ from harness.stats.findings import Tiles
 class StrategyResult:
     """One strategy on one scene. R replicas, P prefixes of each run.
 
-    `spp`: (P,) samples per pixel of each prefix. `rmse`, `mean_error`, `ssim`: (R, P), of each replica's prefix
-    against the reference; `rmse` in scene radiance units with the reference's own variance subtracted,
-    `mean_error` signed, of luminance, relative to the reference's mean. `estimate` merges all replicas.
-    `flip`, `delta_e`: the mean of FLIP and of CIE ΔE2000 for that merged estimate. `cpu_seconds_per_spp`: process
+    `spp`: (P,) samples per pixel of each prefix. `curves`: by name each metric of `harness.metrics` that is measured
+    at prefixes, (R, P), of each replica's prefix against the reference. `estimate` merges all replicas; `scores`: by
+    name every other metric, of that merged estimate. `cpu_seconds_per_spp`: process
     CPU time for one sample per pixel of the whole image, the median over batches. `suits` is False where the
     strategy cannot reach some light (then `warning` says which), and its verdict does not count against the tracer.
     `verdict` is that on the image's mean, `tiles` those on its parts.
@@ -30,15 +31,12 @@ class StrategyResult:
     suits: bool
     warning: str
     spp: np.ndarray
-    rmse: np.ndarray
-    mean_error: np.ndarray
-    ssim: np.ndarray
+    curves: Mapping[str, np.ndarray]
+    scores: Mapping[str, float]
     estimate: Estimate
     verdict: MeanErrorVerdict
     tiles: Tiles
     slope: Slope | None  # None where the strategy has no variance to converge from
-    flip: float
-    delta_e: float
     cpu_seconds_per_spp: float
 
     @property
@@ -48,6 +46,11 @@ class StrategyResult:
         Undecided tiles leave it alone: noise that decides the mean of an image seldom decides each of its tiles.
         """
         return "fail" if self.tiles.failed else self.verdict.outcome
+
+    def score(self, metric: str) -> float:
+        """One number for a metric: of the merged estimate, or, where it has a curve, of one replica at full length, the
+        mean over replicas. KeyError for an unknown name."""
+        return float(self.curves[metric][:, -1].mean()) if metric in self.curves else self.scores[metric]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +71,93 @@ class StudyResult:
     strategies: tuple[StrategyResult, ...]
     notes: tuple[str, ...] = ()
     provenance: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PartRecord:
+    """The verdict on an image's mean, or on its tiles of `tile` pixels a side; as `stats.verdicts.TileVerdict` has it.
+
+    `smallest_detectable`: the smallest bias that was sure to make the gate fail here. Numbers that are not finite are
+    None, in all records of a gate.
+    """
+
+    outcome: Outcome
+    reason: str
+    tolerance: float
+    tile: int
+    p: float
+    largest_error: float | None
+    smallest_detectable: float | None
+
+
+@dataclass(frozen=True)
+class LookRecord:
+    """What a gate saw when it looked, of the image's mean luminance, after so many samples per pixel a side."""
+
+    samples: int
+    reference_samples: int
+    outcome: Outcome
+    reason: str
+    error: float | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class PointRecord:
+    """A gate's curve at a prefix: mean error of luminance with its interval, RMSE of the smaller tiles, relative."""
+
+    samples: int
+    error: float | None
+    low: float | None
+    high: float | None
+    tile_rmse: float | None
+
+
+@dataclass(frozen=True)
+class GateNumbers:
+    """What a gate measured. `error`, `low`, `high`: of the image's mean, per channel, at `confidence`.
+
+    `tests`: 'mean', 'coarse' and 'fine'. `samples` per pixel were drawn of a `budget`; `not_finite` of the whole image
+    were left out. `fail_level`: the gate's share of its family's false alarms.
+    """
+
+    error: tuple[float | None, ...]
+    low: tuple[float | None, ...]
+    high: tuple[float | None, ...]
+    confidence: float
+    tests: Mapping[str, PartRecord]
+    looks: tuple[LookRecord, ...]
+    curve: tuple[PointRecord, ...]
+    samples: int
+    budget: int
+    not_finite: int
+    fail_level: float
+    seconds: float
+
+    @property
+    def luminance(self) -> tuple[float | None, float | None, float | None]:
+        """Error, low and high of luminance."""
+        return self.error[Channel.LUMINANCE], self.low[Channel.LUMINANCE], self.high[Channel.LUMINANCE]
+
+
+@dataclass(frozen=True)
+class GateRecord:
+    """A gate that was run, as files, tables and pages have it; `numbers` are None where it could not be run.
+
+    `why`: the reason for its tolerance; `origin`: file and line; `command`: what runs it again. These and what comes
+    between them are empty where the gate could not even be read.
+    """
+
+    gate: str
+    outcome: Outcome | Literal["error"]
+    reason: str
+    why: str = ""
+    scene: str = ""
+    strategy: str = ""
+    origin: str = ""
+    command: str = ""
+    numbers: GateNumbers | None = None
 
 
 @dataclass(frozen=True)
@@ -137,3 +227,54 @@ class Exhibit:
     images: tuple[ExhibitImage, ...] = ()
     plots: tuple[Plot, ...] = ()
     message: str = ""
+
+
+@dataclass(frozen=True)
+class BenchRow:
+    """A measured case of `harness bench`. Rates in million samples (paths) per CPU second, medians over the rounds.
+
+    `ratio`: tracer's rate over the opponent's, the median of the rounds' own ratios, `low` and `high` their extremes.
+    `wall_ratio`: the same by elapsed time. `efficiency_ratio`: of 1 / (variance x CPU time), so it also counts how
+    noisy a sample is: how much faster the tracer reaches the same error.
+    """
+
+    scene: str
+    strategy: str
+    opponent: str
+    needed: float
+    tracer_rate: float
+    opponent_rate: float
+    ratio: float
+    low: float
+    high: float
+    wall_ratio: float
+    efficiency_ratio: float
+
+
+@dataclass(frozen=True)
+class MutantRecord:
+    """A seeded bug, and what each gate said of it: killed, survived, untouched or not run, by the gate's name.
+
+    `topic`, `file`: the part and the file of the shader; `imitates`, `origin`: what defect it is, and where that was
+    seen; `killer`: the gate that should notice it.
+    """
+
+    id: str
+    topic: str
+    file: str
+    imitates: str
+    origin: str
+    killer: str
+    states: dict[str, str]
+
+
+@dataclass(frozen=True)
+class KillRecord:
+    """What `harness mutants` found. By name: `survivors`, mutants that no gate noticed; `missed`, those that the gate
+    which the catalogue names did not kill; `idle`, gates that ran and killed nothing."""
+
+    gates: tuple[str, ...]
+    mutants: tuple[MutantRecord, ...]
+    survivors: tuple[str, ...]
+    idle: tuple[str, ...]
+    missed: tuple[str, ...]

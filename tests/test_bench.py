@@ -14,19 +14,20 @@ import numpy as np
 import pytest
 
 from harness import bench
-from harness.bench import Case, Row
+from harness.bench import Case
 from harness.cli import main
 from harness.errors import StoreError
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import FEATURES, Tracer
 from harness.files import data_dir
+from harness.results import BenchRow
 from harness.samples.estimate import Batch
 from harness.scene import SceneFile, load_scene
 from tests.support.fakes import NoiseRenderer
 
 CASE = Case("diffuse", "cosine", "path", needed=5.0)
-ROW = Row("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.5, opponent_rate=2.5, ratio=5.1, low=4.75, high=5.5,
-          wall_ratio=5.0, efficiency_ratio=3.25)
+ROW = BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.5, opponent_rate=2.5, ratio=5.1, low=4.75,
+               high=5.5, wall_ratio=5.0, efficiency_ratio=3.25)
 
 
 class Paced(NoiseRenderer):
@@ -184,14 +185,14 @@ class TestCommand:
     """`harness bench`."""
 
     @pytest.fixture(autouse=True)
-    def measured(self, monkeypatch: pytest.MonkeyPatch) -> list[Row]:
+    def measured(self, monkeypatch: pytest.MonkeyPatch) -> list[BenchRow]:
         rows = [ROW]
         monkeypatch.setattr(bench, "run", lambda rounds, progress: rows)
         return rows
 
     @pytest.mark.parametrize(("ratio", "status"), [(5.0, 0), (4.99, 1)])
     def test_status_is_1_when_a_ratio_misses_what_is_needed(
-        self, measured: list[Row], tmp_path: Path, ratio: float, status: int,
+        self, measured: list[BenchRow], tmp_path: Path, ratio: float, status: int,
     ) -> None:
         measured.append(dataclasses.replace(ROW, ratio=ratio))
         assert main(["bench", "-o", str(tmp_path / "bench.json")]) == status

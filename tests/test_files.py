@@ -191,4 +191,6 @@ class TestDataDir:
         for folder in ("glsl", "mitsuba_scenes"):
             here = {path.relative_to(ROOT) for path in (ROOT / folder).rglob("*") if path.is_file()}
             assert {path.relative_to(data) for path in (data / folder).rglob("*") if path.is_file()} == here
+        for path in (path for kind in ("css", "html", "toml") for path in (ROOT / "harness").rglob(f"*.{kind}")):
+            assert (tmp_path / "site" / path.relative_to(ROOT)).read_bytes() == path.read_bytes(), "read at run time"
         assert not (data / "reports" / "out").exists()

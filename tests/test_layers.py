@@ -48,6 +48,10 @@ PACKAGES = {"moderngl": {"gpu"}, "mitsuba": {"machine", "reference", "scene"},
 # Who may say the name of a renderer, besides the room that it stands in: all others open estimators.
 OPENERS = {"gpu", "reference", "estimators"}
 RENDERERS = {"TracerRenderer", "ReferenceRenderer"}
+
+# Inside the report: media know blocks and no chapter, chapters know blocks and no medium.
+APART = (("report/pages", "harness.report.chapters"), ("report/chapters", "harness.report.pages"),
+         ("report/figures", "harness.report.blocks"))
 MAX_LINES = 450
 
 
@@ -97,6 +101,12 @@ class TestModule:
         tree = ast.parse(path.read_text(encoding="utf-8"))
         names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         assert part(path) in OPENERS or not names & RENDERERS
+
+    def test_of_a_report_keeps_media_and_chapters_apart(self, path: Path) -> None:
+        inside = path.relative_to(ROOT / "harness").as_posix()
+        wrong = {name for folder, other in APART if inside.startswith(f"{folder}/")
+                 for name in imports(path) if name.startswith(other)}
+        assert not wrong, f"{inside} may not import {sorted(wrong)}"
 
     def test_begins_with_a_line_that_says_what_it_is_for(self, path: Path) -> None:
         docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from harness.errors import HarnessError
+from harness import metrics
+from harness.errors import HarnessError, StoreError
 from harness.metrics import (
     delta_e2000,
     flip,
@@ -18,7 +21,15 @@ from harness.metrics import (
     signed_relative_difference,
     ssim,
 )
+from harness.report.blocks import Term
+from harness.report.chapters.reading import glossary
+from harness.report.tables import accuracy_table
+from harness.samples.estimate import Estimate
 from harness.samples.tone import encode_srgb
+from harness.studies.storage import load_study, save_study
+from harness.studies.table import records
+from tests.support.metrics import register
+from tests.support.report import exact_study
 
 GREY = np.full((32, 40, 3), 0.25)
 
@@ -290,3 +301,56 @@ def test_images_that_cannot_be_compared_are_refused(metric: Callable[..., object
         metric(GREY[..., 0], GREY[..., 0])
     with pytest.raises(HarnessError, match="must have shape"):
         metric(GREY[:0], GREY[:0])
+
+
+class TestRegistry:
+    """What comparisons, studies, files and tables walk."""
+
+    def test_measures_what_the_functions_do(self, rng: np.random.Generator) -> None:
+        test, noise = rng.random((2, *GREY.shape))
+        reference = replace(Estimate.exact(GREY), variance=0.01 * noise)
+        assert metrics.measure(test, reference, 0.5) == {
+            "rmse": rmse(test, GREY, 0.01 * noise), "relmse": relmse(test, GREY, 0.01 * noise),
+            "mean_error": mean_error(test, GREY)[3], "ssim": ssim(test, GREY, 0.5), "flip": flip(test, GREY, 0.5),
+            "delta_e2000": delta_e2000(test, GREY, 0.5)}
+
+    def test_leaves_noise_in_where_it_is_not_known(self) -> None:
+        unknown = replace(Estimate.exact(GREY), variance=GREY * np.nan)
+        assert metrics.measure(GREY + 0.1, unknown, 0.0)["rmse"] == pytest.approx(0.1)
+
+    def test_divides_metrics_between_curves_and_merged_estimates(self) -> None:
+        along, once = (metrics.measure(GREY, Estimate.exact(GREY), 0.0, at_prefixes=which) for which in (True, False))
+        assert list(along) == ["rmse", "mean_error", "ssim"]
+        assert list(once) == ["relmse", "flip", "delta_e2000"]
+
+    def test_names_each_metric_once_in_a_sentence_without_a_full_stop(self) -> None:
+        names = [metric.name for metric in metrics.METRICS]
+        assert len(set(names)) == len(names)
+        assert all(metric.sentence and not metric.sentence.endswith(".") for metric in metrics.METRICS)
+
+    def test_a_new_entry_reaches_studies_their_files_and_the_report(self, monkeypatch: pytest.MonkeyPatch,
+                                                                    tmp_path: Path) -> None:
+        register(monkeypatch)
+        study = exact_study()
+        save_study(study, tmp_path)
+        first = load_study(tmp_path).strategies[0]
+        np.testing.assert_array_equal(first.curves["largest_error"], study.strategies[0].curves["largest_error"])
+        assert first.scores["share_off"] == study.strategies[0].scores["share_off"] == 1.0
+        rows = [row for row in records(study) if row.estimator == "uniform"]
+        assert sum(row.quantity == "largest_error" for row in rows) == first.curves["largest_error"].size == 3 * 7
+        assert [row.value for row in rows if row.quantity == "share_off"] == [1.0]
+        table = accuracy_table(study)
+        cells = dict(zip((column.title for column in table.columns), table.rows[0], strict=True))
+        assert cells["share off"].text == "1.00"
+        assert float(cells["largest error\n(radiance)"].text) == pytest.approx(first.score("largest_error"), rel=0.01)
+        assert "SSIM and largest error: of one replica" in table.caption
+        assert "share off: part of the values that differ. " in table.caption
+        term = Term("share off", "Part of the values that differ. It counts each colour. Lower is better.")
+        assert term in glossary() and "FLIP" in {each.name for each in glossary()}
+
+    def test_a_study_kept_from_before_a_metric_was_added_is_measured_again(self, monkeypatch: pytest.MonkeyPatch,
+                                                                          tmp_path: Path) -> None:
+        save_study(exact_study(), tmp_path)
+        register(monkeypatch)
+        with pytest.raises(StoreError, match=r"metrics rmse, .*this version measures .*share_off\); remove it and run"):
+            load_study(tmp_path)

@@ -29,7 +29,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 # What makes an example of the README or of the help run in a moment.
 BRIEF = {"--spp": "4", "--replicas": "2", "--reference-spp": "8"}
 SIZE = ("--size", "16x12")
-BENCH_ROW = bench.Row("diffuse", "cosine", "path", 5.0, 12.0, 2.0, 6.0, 5.5, 6.5, 6.1, 4.0)
+BENCH_ROW = bench.BenchRow("diffuse", "cosine", "path", 5.0, 12.0, 2.0, 6.0, 5.5, 6.5, 6.1, 4.0)
 
 
 def blocks(language: str = "") -> list[str]:

@@ -17,13 +17,12 @@ from harness.cli.options import (
 )
 from harness.cli.output import JsonOption, log, print_json, print_rich
 from harness.errors import HarnessError
+from harness.stats.channels import CHANNELS
 
 if TYPE_CHECKING:
     from harness.samples.estimate import Estimate
     from harness.stats.bias import MeanErrorVerdict
     from harness.stats.findings import Tiles
-
-CHANNELS = ("red", "green", "blue", "luminance")
 
 
 def compare(
@@ -94,33 +93,24 @@ def _own_exposure(facts: Mapping[str, object]) -> float:
     return float(exposure) if SCENE_HASH in facts and isinstance(exposure, int | float) else 0.0
 
 
-def _metrics(ours: Estimate, truth: Estimate, exposure: float) -> dict[str, Any]:
+def _metrics(ours: Estimate, truth: Estimate, exposure: float) -> dict[str, float]:
     from harness import metrics
 
-    noise = truth.variance if (truth.variance == truth.variance).all() else None
-    return {
-        "rmse": metrics.rmse(ours.mean, truth.mean, noise=noise),
-        "relmse": metrics.relmse(ours.mean, truth.mean, noise=noise),
-        "ssim": metrics.ssim(ours.mean, truth.mean, exposure),
-        "flip": metrics.flip(ours.mean, truth.mean, exposure),
-        "delta_e2000": metrics.delta_e2000(ours.mean, truth.mean, exposure),
-    }
+    return metrics.measure(ours.mean, truth, exposure)
 
 
 def _print(values: dict[str, Any], verdict: MeanErrorVerdict | None, silent: list[Path], tolerance: float,
            confidence: float) -> None:
     from rich.table import Table
 
+    from harness.metrics import shown_in
+
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column("metric")
     table.add_column("value", justify="right")
     table.add_column("meaning", style="dim")
-    for name, meaning in (("rmse", "root of the mean squared error, reference noise taken off"),
-                          ("relmse", "mean squared error relative to the reference, worst 0.1 % left out"),
-                          ("ssim", "structural similarity on sRGB-encoded images; 1 is identical"),
-                          ("flip", "mean FLIP error on sRGB-encoded images; 0 is identical"),
-                          ("delta_e2000", "mean colour difference; 1 is about just noticeable")):
-        table.add_row(name, f"{values[name]:.5g}", meaning)
+    for metric in shown_in("compare"):
+        table.add_row(metric.name, f"{values[metric.name]:.5g}", metric.sentence)
     if verdict is not None:
         for channel, error, low, high in zip(CHANNELS, verdict.error, verdict.low, verdict.high, strict=True):
             table.add_row(f"mean error, {channel}", f"{error:+.4%}",

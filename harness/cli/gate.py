@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,7 @@ from harness.errors import HarnessError, MachineError
 
 if TYPE_CHECKING:
     from harness.gates import Gate, References
+    from harness.results import GateRecord
 
 
 def gate(
@@ -35,6 +36,7 @@ def gate(
     from harness import gates
     from harness.files import require_writable
     from harness.gates import runner, summary
+    from harness.gates.records import as_json
 
     family = gates.load_gates(file)
     chosen = family.select(only or [])
@@ -42,7 +44,7 @@ def gate(
         runner.check_gate(item)  # a bad one shows before the first is rendered
     require_writable(output / summary.HTML)
     references = gates.References(open_store(cache))
-    found: list[dict[str, Any]] = []
+    found: list[GateRecord] = []
     try:
         with progress(len(chosen), file.name) as advance:
             for item in chosen:
@@ -51,16 +53,17 @@ def gate(
     finally:  # also of what was done before Ctrl-C
         pages = summary.write_summary(found, output)
     if json:
-        print_json({"file": file, "false_alarms": family.false_alarms, "summary": pages, "gates": found})
+        print_json({"file": file, "false_alarms": family.false_alarms, "summary": pages,
+                    "gates": [as_json(item) for item in found]})
     else:
         _print(found, output)
-    if errors := [item["reason"] for item in found if item["outcome"] == "error"]:
+    if errors := [item.reason for item in found if item.outcome == "error"]:
         others = f" (and {len(errors) - 1} more; see {output / summary.HTML})" if errors[1:] else ""
         raise HarnessError(errors[0] + others)
-    return 0 if all(item["outcome"] == "pass" for item in found) else 1
+    return 0 if all(item.outcome == "pass" for item in found) else 1
 
 
-def _run(gate: Gate, references: References, output: Path) -> dict[str, Any]:
+def _run(gate: Gate, references: References, output: Path) -> GateRecord:
     """Run one gate and save what it leaves; what keeps this one from running is no reason not to run the others."""
     from harness.gates import artefacts, run_gate
 
@@ -70,12 +73,12 @@ def _run(gate: Gate, references: References, output: Path) -> dict[str, Any]:
         raise
     except HarnessError as error:
         artefacts.clear(output / gate.name)
-        return artefacts.error_json(gate, error)
+        return artefacts.error_record(gate, error)
     artefacts.save_result(result, output / gate.name, pictures=result.outcome != "pass")
-    return artefacts.as_json(result)
+    return artefacts.record(result)
 
 
-def _print(found: list[dict[str, Any]], output: Path) -> None:
+def _print(found: list[GateRecord], output: Path) -> None:
     from rich.table import Table
 
     from harness.gates.summary import HTML, counted, percent
@@ -84,16 +87,17 @@ def _print(found: list[dict[str, Any]], output: Path) -> None:
     for heading in ("gate", "outcome", "mean error", "interval", "tolerance", "spp", "of", "s"):
         table.add_column(heading, justify="left" if heading in ("gate", "outcome") else "right")
     for item in found:
-        if item["outcome"] == "error":
-            table.add_row(item["gate"], "error")
+        if item.numbers is None:
+            table.add_row(item.gate, item.outcome)
             continue
-        table.add_row(item["gate"], item["outcome"], percent(item["error"][3], signed=True),
-                      f"{percent(item['low'][3], signed=True)} to {percent(item['high'][3], signed=True)}",
-                      f"±{percent(item['tests']['mean']['tolerance'])}", str(item["samples"]), str(item["budget"]),
-                      f"{item['seconds']:.1f}")
+        numbers = item.numbers
+        error, low, high = (percent(value, signed=True) for value in numbers.luminance)
+        table.add_row(item.gate, item.outcome, error, f"{low} to {high}",
+                      f"±{percent(numbers.tests['mean'].tolerance)}", str(numbers.samples), str(numbers.budget),
+                      f"{numbers.seconds:.1f}")
     print_rich(table)
     for item in found:
-        if item["outcome"] != "pass":
-            left = f"see {output / item['gate']}; " if item["outcome"] != "error" else ""
-            print(f"{item['gate']}: {item['outcome']}: {item['reason']}; {left}{item['command']}")
+        if item.outcome != "pass":
+            left = f"see {output / item.gate}; " if item.outcome != "error" else ""
+            print(f"{item.gate}: {item.outcome}: {item.reason}; {left}{item.command}")
     print(f"{counted(found)}; {output / HTML}")

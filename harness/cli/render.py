@@ -23,6 +23,7 @@ from harness.cli.options import (
 )
 from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError
+from harness.stats.channels import CHANNELS
 
 if TYPE_CHECKING:
     from harness.estimators.base import Estimator
@@ -144,10 +145,9 @@ def _render(estimator: Estimator, file: SceneFile, target: Path, asked: Asked, l
 
 
 def _numbers(result: Estimate) -> dict[str, Any]:
-    names = ("red", "green", "blue", "luminance")
     return {
-        "mean": dict(zip(names, result.image_mean, strict=True)),
-        "standard_error": dict(zip(names, result.image_variance**0.5, strict=True)),
+        "mean": dict(zip(CHANNELS, result.image_mean, strict=True)),
+        "standard_error": dict(zip(CHANNELS, result.image_variance**0.5, strict=True)),
         "batches": result.batches, "rejected": result.rejected, "cpu_seconds": result.cpu_seconds,
     }
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json as json_module
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
@@ -18,7 +16,8 @@ from harness.errors import HarnessError, StoreError
 if TYPE_CHECKING:
     from harness.results import Exhibit
     from harness.scene import Scene
-    from harness.stats.calibration import Calibration
+
+Found = TypeVar("Found")
 
 
 def report(
@@ -38,8 +37,10 @@ def report(
 
     Example: `harness report --profile quick`
     """
+    from harness import bench, calibration
     from harness.files import data_dir, require_writable
-    from harness.report import build_report
+    from harness.mutants import matrix
+    from harness.report import Inputs, build_report
     from harness.studies.memo import remembered_study
     from harness.studies.plan import PROFILES, judged
 
@@ -66,9 +67,11 @@ def report(
         exhibits, fresh = remembered_exhibits(store, warn=_warn, progress=progress)
         if fresh:
             elapsed["the handout's errors"] = time.perf_counter() - began_exhibits
-    pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE), elapsed=elapsed,
-                       exhibits=exhibits, calibration=_calibration(output / CALIBRATION_FILE),
-                       mutants=_mutants(output / MUTANTS_FILE))
+    inputs = Inputs(results, profile, elapsed=elapsed, exhibits=exhibits,
+                    bench=_left(output / BENCH_FILE, bench.load, []),
+                    calibration=_left(output / CALIBRATION_FILE, calibration.load, None),
+                    mutants=_left(output / MUTANTS_FILE, matrix.load, None))
+    pdf = build_report(inputs, output)
     items = {f"{result.scene} {item.strategy}": item
              for result in results for item in result.strategies if item.suits}
     verdicts = {name: item.outcome for name, item in items.items()}
@@ -79,7 +82,8 @@ def report(
     if json:
         print_json({"pdf": pdf, "seconds": time.perf_counter() - began, "verdicts": verdicts})
     else:
-        print(f"{len(verdicts) - len(lost)} of {len(verdicts)} verdicts pass; {time.perf_counter() - began:.0f} s")
+        print(f"{len(verdicts) - len(lost)} of {len(verdicts)} pairs of scene and strategy pass; "
+              f"{time.perf_counter() - began:.0f} s")
         print(pdf)
     return 1 if lost else 0
 
@@ -101,39 +105,15 @@ def _open_all(paths: Sequence[Path]) -> list[Scene]:
     return loaded
 
 
-def _mutants(path: Path) -> dict[str, Any] | None:
-    """What `harness mutants` left beside the report; None where there is nothing, or nothing readable."""
-    try:
-        return dict(json_module.loads(path.read_text(encoding="utf-8"))) if path.exists() else None
-    except (OSError, ValueError, TypeError) as error:
-        log(f"warning: {path}: not a kill matrix ({error}); the report goes without it")
-        return None
-
-
-def _benchmark(path: Path) -> dict[str, Any] | None:
-    """What `harness bench` left beside the report; None where there is nothing, or nothing readable."""
-    from harness import bench
-
+def _left(path: Path, load: Callable[[Path], Found], nothing: Found) -> Found:
+    """What another command left beside the report; `nothing` where there is no such file, or none that is readable."""
     if not path.exists():
-        return None
+        return nothing
     try:
-        return {"rows": [dataclasses.asdict(row) for row in bench.load(path)]}
+        return load(path)
     except StoreError as error:
         log(f"warning: {error}; the report goes without it")
-        return None
-
-
-def _calibration(path: Path) -> Calibration | None:
-    """What `harness calibrate` left beside the report; None where there is nothing, or nothing readable."""
-    from harness import calibration
-
-    if not path.exists():
-        return None
-    try:
-        return calibration.load(path)
-    except StoreError as error:
-        log(f"warning: {error}; the report goes without it")
-        return None
+        return nothing
 
 
 def _warn(message: str) -> None:

@@ -41,8 +41,8 @@ def study(
     reference_spp: Annotated[int | None, typer.Option("--reference-spp", min=2, max=MAX_SPP,
                              help="Samples per pixel of Mitsuba's image; 4 x spp if not given.")] = None,
     reference: Annotated[Path | None, typer.Option("--reference", help="A ready reference (.exr) instead.")] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to keep the result in: study.json "
-                                                "and images.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to keep the result in: study.json, "
+                                                "images, and table.csv, one number a row.")] = None,
     size: SizeOption = None,
     parameters: SetOption = None,
     tolerance: Annotated[float | None, typer.Option(
@@ -74,6 +74,7 @@ def study(
     if output:
         from harness.files import require_writable
         from harness.studies.storage import STUDY_FILE, save_study  # brings matplotlib
+        from harness.studies.table import TABLE_FILE, records, write_csv
 
         require_writable(output / STUDY_FILE)
     store = open_store(cache)
@@ -91,6 +92,7 @@ def study(
             log(f"warning: strategy '{item.strategy}': {not_finite(item.estimate.rejected)}")
     if output:
         save_study(result, output)
+        write_csv(records(result), output / TABLE_FILE)
     if json:
         print_json(_as_json(result))
     else:
@@ -124,9 +126,8 @@ def _as_json(result: StudyResult) -> dict[str, Any]:
         "provenance": result.provenance, "notes": result.notes,
         "strategies": [{
             "strategy": item.strategy, "suits": item.suits, "warning": item.warning, "spp": item.spp,
-            "rmse": item.rmse, "mean_error": item.mean_error, "ssim": item.ssim, "slope": item.slope,
-            "outcome": item.outcome, "verdict": item.verdict, "tiles": item.tiles, "flip": item.flip,
-            "delta_e2000": item.delta_e, "cpu_seconds_per_spp": item.cpu_seconds_per_spp,
+            **item.curves, "slope": item.slope, "outcome": item.outcome, "verdict": item.verdict,
+            "tiles": item.tiles, **item.scores, "cpu_seconds_per_spp": item.cpu_seconds_per_spp,
             "rejected": item.estimate.rejected,
         } for item in result.strategies],
     }
@@ -135,8 +136,11 @@ def _as_json(result: StudyResult) -> dict[str, Any]:
 def _print(result: StudyResult) -> None:
     from rich.table import Table
 
+    from harness.metrics import shown_in
+
     table = Table(box=None, pad_edge=False)
-    for heading in ("strategy", "mean error", "interval", "verdict", "RMSE", "SSIM", "slope", "interval", "CPU s/spp"):
+    headings = [metric.heading for metric in shown_in("study")]
+    for heading in ("strategy", "mean error", "interval", "verdict", *headings, "slope", "interval", "CPU s/spp"):
         table.add_column(heading, justify="left" if heading in ("strategy", "verdict") else "right")
     for item in result.strategies:
         table.add_row(item.strategy, *_cells(item))
@@ -149,11 +153,13 @@ def _print(result: StudyResult) -> None:
 
 
 def _cells(item: StrategyResult) -> tuple[str, ...]:
+    from harness.metrics import shown_in
+
     verdict, slope = item.verdict, item.slope
+    error, low, high = verdict.luminance
     return (
-        f"{verdict.error[3]:+.3%}", f"{verdict.low[3]:+.3%} to {verdict.high[3]:+.3%}",
-        verdict.outcome if item.suits else f"({verdict.outcome})",
-        f"{item.rmse[:, -1].mean():.3g}", f"{item.ssim[:, -1].mean():.4f}",
+        f"{error:+.3%}", f"{low:+.3%} to {high:+.3%}", verdict.outcome if item.suits else f"({verdict.outcome})",
+        *(metric.text(item.score(metric.name)) for metric in shown_in("study")),
         f"{slope.slope:.3f}" if slope else "exact", f"{slope.low:.3f} to {slope.high:.3f}" if slope else "",
         f"{item.cpu_seconds_per_spp:.3g}",
     )

@@ -226,10 +226,11 @@ def convergence(store: Store | None) -> Exhibit:
     scene = load(SceneFile.bundled("spheres", (WIDTH // 2, HEIGHT // 2)))
     result = study(scene, ("uniform", "mixture"), spp=256, replicas=4, max_replicas=4, reference_spp=1024, store=store)
     slow, fast = result.strategies
-    ratios = (slow.rmse[:, -1] / fast.rmse[:, -1]) ** 2
+    ratios = (slow.curves["rmse"][:, -1] / fast.curves["rmse"][:, -1]) ** 2
     mean, low, high = (float(bound[0]) for bound in band(ratios[:, None], 0.95, geometric=True))
     time = mean * slow.cpu_seconds_per_spp / fast.cpu_seconds_per_spp
-    series = tuple(Series(s.strategy, s is fast, s.spp.astype(float), s.rmse.mean(axis=0)) for s in (slow, fast))
+    series = tuple(Series(s.strategy, s is fast, s.spp.astype(float), s.curves["rmse"].mean(axis=0))
+                   for s in (slow, fast))
     finding = Finding("equal error", "samples to the same RMSE, over those of uniform sampling", "more than 1",
                       f"{1 / mean:.2g}", "words", low > 1, low > 1)
     return exhibit("convergence", [finding], (), [Plot("RMSE (radiance)", "samples per pixel", "xy", series)],

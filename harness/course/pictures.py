@@ -23,7 +23,7 @@ from harness.results import Exhibit, ExhibitImage, Finding, Plot, Series
 from harness.samples.estimate import Estimate, merge
 from harness.samples.store import Store
 from harness.scene import Scene, SceneFile, load
-from harness.stats.bias import CHANNELS, MeanErrorVerdict
+from harness.stats.bias import MeanErrorVerdict
 
 # Samples per pixel that decide ±0.2 % on every scene here, and the size at which the report prints them.
 SPP, REFERENCE_SPP = 256, 512
@@ -43,7 +43,7 @@ def scene_of(name: str) -> Scene:
 
 def mean_error(measures: str, handout: MeanErrorVerdict, ours: MeanErrorVerdict) -> Finding:
     """The equivalence verdict on the image's mean, told by the error of luminance."""
-    errors = [float(verdict.error[CHANNELS.index("luminance")]) for verdict in (handout, ours)]
+    errors = [verdict.luminance[0] for verdict in (handout, ours)]
     return Finding("mean error", measures, errors[0], errors[1], "error", handout.outcome == "fail",
                    ours.outcome == "pass")
 

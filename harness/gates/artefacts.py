@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import os
 import shlex
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, NullLocator, PercentFormatter
 
 from harness.files import write_atomically
 from harness.gates.model import Gate, GateResult
-from harness.report.pictures import DIFFERENCE_MAP, difference_map, robust_limit, tile_pixels
-from harness.report.style import RC, TOLERANCE_COLOUR, strategy_style
+from harness.gates.records import as_json
+from harness.report.figures.pictures import DIFFERENCE_MAP, difference_map, robust_limit, tile_pixels
+from harness.report.figures.style import TOLERANCE_COLOUR, strategy_style
+from harness.report.figures.svg import blank, png, svg
+from harness.results import GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord
 from harness.samples.exr import write_estimate
 from harness.samples.images import write_png
 from harness.stats.findings import largest_deviates
@@ -35,7 +34,7 @@ PICTURES = ("test.png", "reference.png", DIFFERENCE, Z_MAP, CURVE)
 # The difference map's range is at least that of visible errors, the z-map's that of chance.
 LEAST_DIFFERENCE = 0.02
 LEAST_Z = 5.0
-_MAP_CM, _CURVE_CM, _DPI, _CM = (13.0, 9.5), (17.0, 7.0), 110, 1 / 2.54
+_MAP_CM, _CURVE_CM = (13.0, 9.5), (17.0, 7.0)
 
 
 def save_result(result: GateResult, folder: Path, *, pictures: bool = True) -> None:
@@ -50,13 +49,13 @@ def save_result(result: GateResult, folder: Path, *, pictures: bool = True) -> N
             write_estimate(folder / f"{name}.exr", estimate, facts)
             write_png(folder / f"{name}.png", estimate.mean, result.exposure)
         # Letters as shapes: the file is looked at alone, where nobody brings the fonts.
-        settings: Any = {**RC, "svg.hashsalt": result.gate.name, "svg.fonttype": "path"}
-        with matplotlib.rc_context(settings):
-            _write(folder / Z_MAP, _z_map(result))
-            _write(folder / DIFFERENCE, _difference(result))
-            _write(folder / CURVE, _curve(result))
+        curve = svg(lambda: _curve(result), result.gate.name, letters_as_shapes=True)
+        figures = {Z_MAP: png(lambda: _z_map(result)), DIFFERENCE: png(lambda: _difference(result)), CURVE: curve}
+        for name, content in figures.items():
+            with write_atomically(folder / name) as partial:
+                partial.write_bytes(content)
     with write_atomically(folder / RESULT_FILE) as partial:
-        partial.write_text(json.dumps(as_json(result), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        partial.write_text(json.dumps(as_json(record(result)), indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def clear(folder: Path) -> None:
@@ -75,33 +74,28 @@ def command(gate: Gate) -> str:
     return f"harness gate {shlex.quote(file)} --only {gate.name}"
 
 
-def error_json(gate: Gate, error: Exception) -> dict[str, Any]:
-    """What `as_json` has, as far as there is any, of a gate that could not be run."""
-    return {"gate": gate.name, "outcome": "error", "reason": str(error), **_facts(gate)}
+def error_record(gate: Gate, error: Exception) -> GateRecord:
+    """The record of a gate that could not be run."""
+    return GateRecord(gate.name, "error", str(error), **_facts(gate), numbers=None)
 
 
-def as_json(result: GateResult) -> dict[str, Any]:
-    """The result as JSON types; NaN and infinity are None."""
+def record(result: GateResult) -> GateRecord:
+    """What the result says, less images and maps."""
     gate, verdict = result.gate, result.verdict
-    return {
-        "gate": gate.name, "outcome": result.outcome, "reason": result.reason, **_facts(gate),
-        "error": _numbers(verdict.mean.error[0, 0]), "low": _numbers(verdict.mean.low[0, 0]),
-        "high": _numbers(verdict.mean.high[0, 0]), "confidence": round(1 - gate.pass_level, 12),
-        "tests": {name: {
-            "outcome": part.outcome, "reason": part.reason, "tolerance": part.tolerance, "tile": part.tile,
-            "p": part.p, "largest_error": _number(np.max(np.abs(part.error))),
-            "smallest_detectable": _number(result.smallest_detectable[name]),
-        } for name, part in (("mean", verdict.mean), ("coarse", verdict.coarse), ("fine", verdict.fine))},
-        "looks": [{
-            "samples": look.samples, "reference_samples": look.reference_samples, "outcome": look.verdict.outcome,
-            "reason": look.verdict.reason, "error": _number(look.verdict.mean.error[0, 0, 3]),
-            "low": _number(look.verdict.mean.low[0, 0, 3]), "high": _number(look.verdict.mean.high[0, 0, 3]),
-        } for look in result.looks],
-        "curve": [{"samples": point.samples, "error": _number(point.error), "low": _number(point.low),
-                   "high": _number(point.high), "tile_rmse": _number(point.tile_rmse)} for point in result.curve],
-        "samples": result.test.samples, "budget": gate.spp * gate.replicas, "not_finite": result.test.rejected,
-        "fail_level": gate.fail_level, "seconds": round(result.seconds, 3),
-    }
+    numbers = GateNumbers(
+        error=_numbers(verdict.mean.error[0, 0]), low=_numbers(verdict.mean.low[0, 0]),
+        high=_numbers(verdict.mean.high[0, 0]), confidence=round(1 - gate.pass_level, 12),
+        tests={name: PartRecord(
+            part.outcome, part.reason, part.tolerance, part.tile, part.p, _number(np.max(np.abs(part.error))),
+            _number(result.smallest_detectable[name]),
+        ) for name, part in (("mean", verdict.mean), ("coarse", verdict.coarse), ("fine", verdict.fine))},
+        looks=tuple(LookRecord(look.samples, look.reference_samples, look.verdict.outcome, look.verdict.reason,
+                               *_numbers(look.verdict.luminance)) for look in result.looks),
+        curve=tuple(PointRecord(point.samples, *_numbers((point.error, point.low, point.high, point.tile_rmse)))
+                    for point in result.curve),
+        samples=result.test.samples, budget=gate.spp * gate.replicas, not_finite=result.test.rejected,
+        fail_level=gate.fail_level, seconds=round(result.seconds, 3))
+    return GateRecord(gate.name, result.outcome, result.reason, **_facts(gate), numbers=numbers)
 
 
 def _facts(gate: Gate) -> dict[str, str]:
@@ -109,24 +103,12 @@ def _facts(gate: Gate) -> dict[str, str]:
             "command": command(gate)}
 
 
-def _numbers(values: np.ndarray) -> list[float | None]:
-    return [_number(value) for value in values]
+def _numbers(values: Iterable[float]) -> tuple[float | None, ...]:
+    return tuple(_number(value) for value in values)
 
 
 def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _write(path: Path, figure: Figure) -> None:
-    buffer = io.BytesIO()
-    if path.suffix == ".svg":
-        FigureCanvasSVG(figure)
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    else:
-        FigureCanvasAgg(figure)
-        figure.savefig(buffer, format="png", dpi=_DPI)
-    with write_atomically(path) as partial:
-        partial.write_bytes(buffer.getvalue())
 
 
 def _z_map(result: GateResult) -> Figure:
@@ -154,7 +136,7 @@ def _difference(result: GateResult) -> Figure:
 
 
 def _map(values: np.ndarray, limit: float, title: str, label: str) -> Figure:
-    figure = Figure(figsize=(_MAP_CM[0] * _CM, _MAP_CM[1] * _CM), layout="constrained")
+    figure = blank(*_MAP_CM, layout="constrained")
     axes = figure.subplots()
     axes.set_facecolor("#a0a0a0")  # what is not finite
     shown = axes.imshow(values, cmap=DIFFERENCE_MAP, vmin=-limit, vmax=limit, interpolation="nearest")
@@ -166,7 +148,7 @@ def _map(values: np.ndarray, limit: float, title: str, label: str) -> Figure:
 
 def _curve(result: GateResult) -> Figure:
     """Mean error with its interval inside the tolerance's band, and the tiles' RMSE, against samples per pixel."""
-    figure = Figure(figsize=(_CURVE_CM[0] * _CM, _CURVE_CM[1] * _CM), layout="constrained")
+    figure = blank(*_CURVE_CM, layout="constrained")
     left, right = figure.subplots(1, 2)
     style = strategy_style(result.gate.strategy)
     samples = np.array([point.samples for point in result.curve])

@@ -12,6 +12,7 @@ from harness.estimators.base import Estimator
 from harness.samples.estimate import Estimate
 from harness.scene import SceneFile
 from harness.stats.bias import Outcome
+from harness.stats.channels import Channel
 from harness.stats.levels import Looks
 from harness.stats.sequential import Sequence
 from harness.stats.verdicts import BiasVerdict, TileVerdict, Tolerance
@@ -150,4 +151,4 @@ class GateResult:
 
 
 def _detectable(verdict: TileVerdict) -> float:
-    return verdict.tolerance + float(np.max(verdict.smallest_detectable[..., 3]))
+    return verdict.tolerance + float(np.max(verdict.smallest_detectable[..., Channel.LUMINANCE]))

@@ -15,6 +15,7 @@ from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look
 from harness.gates.references import References
 from harness.progress import Progress, quiet
 from harness.scene import Film
+from harness.stats.channels import Channel
 from harness.stats.needed import times
 from harness.stats.tiles import ImageMoments, TileSamples
 from harness.stats.verdicts import tile_verdict
@@ -133,8 +134,8 @@ def _curve(gate: Gate, ours: Run, theirs: Run | FixedRun) -> tuple[CurvePoint, .
 
 def _point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) -> CurvePoint:
     whole = tile_verdict(test.whole(), reference.whole(), gate.tolerance.mean, pass_level=gate.pass_level)
-    error, low, high = (float(values[0, 0, 3]) for values in (whole.error, whole.low, whole.high))
+    error, low, high = (float(values[0, 0, Channel.LUMINANCE]) for values in (whole.error, whole.low, whole.high))
     theirs = reference.moments()
     squares = (test.moments().mean - theirs.mean)**2 - theirs.variance
-    square = float((squares / tile_scale(theirs)**2)[..., 3].mean())
+    square = float((squares / tile_scale(theirs)**2)[..., Channel.LUMINANCE].mean())
     return CurvePoint(samples, error, low, high, float(np.sqrt(max(square, 0.0))))

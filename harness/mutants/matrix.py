@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+from harness.errors import StoreError
 from harness.files import write_atomically
 from harness.mutants.catalogue import Mutant
+from harness.results import KillRecord, MutantRecord
 
 # What a gate says of a mutant. killed: it does not pass; untouched: the shader's text, or the pixels of a first batch,
 # are the same, so the gate's scene has no use for the defect; not run: a test module that is not meant for the mutant.
@@ -49,16 +51,33 @@ def save(matrix: KillMatrix, path: Path) -> None:
         partial.write_text(json.dumps(as_json(matrix), indent=1) + "\n", encoding="utf-8")
 
 
+def load(path: Path) -> KillRecord:
+    """What `save` wrote; StoreError where the file is not that."""
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+        mutants = tuple(_mutant(each, held["gates"]) for each in held["mutants"])
+        return KillRecord(mutants=mutants, **{name: tuple(map(str, held[name]))
+                                              for name in ("gates", "survivors", "idle", "missed")})
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise StoreError(f"{path}: not a kill matrix ({type(error).__name__}: {error}); run `harness mutants` again"
+                         ) from None
+
+
+def _mutant(held: Mapping[str, Any], gates: Sequence[str]) -> MutantRecord:
+    words = {name: str(held[name]) for name in ("id", "topic", "file", "imitates", "origin", "killer")}
+    return MutantRecord(states={gate: str(held["states"][gate]) for gate in gates}, **words)
+
+
 def as_json(matrix: KillMatrix) -> Mapping[str, object]:
-    """The matrix as JSON types, for the report: mutants with what they imitate and which gates killed them."""
-    return {
-        "gates": list(matrix.gates),
-        "mutants": [{
-            "id": mutant.id, "topic": mutant.topic, "file": mutant.file, "imitates": mutant.imitates,
-            "origin": mutant.origin, "killer": mutant.killer,
-            "states": dict(zip(matrix.gates, row, strict=True)),
-        } for mutant, row in zip(matrix.mutants, matrix.cells, strict=True)],
-        "survivors": [mutant.id for mutant in matrix.survivors],
-        "idle": [*matrix.idle],
-        "missed": [mutant.id for mutant in matrix.missed],
-    }
+    """The matrix as JSON types: those of its record."""
+    return asdict(record(matrix))
+
+
+def record(matrix: KillMatrix) -> KillRecord:
+    """The matrix for the report: mutants with what they imitate and which gates killed them."""
+    mutants = tuple(MutantRecord(
+        mutant.id, mutant.topic, mutant.file, mutant.imitates, mutant.origin, mutant.killer,
+        states=dict(zip(matrix.gates, row, strict=True)))
+        for mutant, row in zip(matrix.mutants, matrix.cells, strict=True))
+    return KillRecord(matrix.gates, mutants, tuple(mutant.id for mutant in matrix.survivors), matrix.idle,
+                      tuple(mutant.id for mutant in matrix.missed))

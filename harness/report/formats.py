@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 
 MINUS = "\N{MINUS SIGN}"
 NBSP = "\N{NO-BREAK SPACE}"
@@ -47,16 +48,26 @@ def percent_decimals(size: float) -> int:
     return 3 if abs(size) < _FINE_PERCENT else 1 if abs(size) < _COARSE_PERCENT else 0
 
 
-def percent(fraction: float, *, sign: bool = False, unit: bool = True) -> str:
-    """A fraction as a percentage: 0.0003 -> '+0.030 %'."""
+def percent(fraction: float, *, sign: bool = False, unit: bool = True, decimals: int | None = None) -> str:
+    """A measured fraction as a percentage: 0.0003 -> '+0.030 %'; decimals as its size deserves, or so many."""
     value = 100.0 * fraction
-    text = number(value, percent_decimals(value), sign=sign)
+    text = number(value, percent_decimals(value) if decimals is None else decimals, sign=sign)
     return f"{text}{NBSP}%" if unit and text != MISSING else text
 
 
+def share(fraction: float, *, unit: bool = True) -> str:
+    """A fraction that somebody chose, as short as it was chosen: 0.95 -> '95 %'."""
+    return f"{100 * fraction:g}{NBSP}%" if unit else f"{100 * fraction:g}"
+
+
 def tolerance(fraction: float) -> str:
-    """A bound that somebody chose, as short as it was chosen: 0.002 -> '±0.2 %'."""
-    return f"±{100 * fraction:g}{NBSP}%"
+    """A bound that somebody chose on either side: 0.002 -> '±0.2 %'."""
+    return f"±{share(fraction)}"
+
+
+def levels(fractions: Iterable[float]) -> str:
+    """Levels of confidence, each once: '95 % and 99 %'."""
+    return words([share(fraction) for fraction in sorted(set(fractions))])
 
 
 def percent_interval(fraction: float, low: float, high: float, *, unit: bool = True) -> str:

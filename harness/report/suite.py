@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from harness.report import formats
-from harness.report.content import Cell, Column, Remark, SuiteSection, Table
+from harness.report.blocks import Block, Cell, Column, Heading, Paragraph, Remark, Remarks, Table
 from harness.stats.rates import Rate, Where
 from harness.stats.suites import BIASES, MISSED, PROMISED, GatePower, GateRates, SuiteRates
 
-TITLE = "The gates themselves"
+TITLE, ANCHOR = "The gates themselves", "gates"
 PLACES: dict[Where, str] = {"everywhere": "of everything", "patch": "in 1 % of the image"}
 
 
-def suite_section(suite: SuiteRates) -> SuiteSection:
+def suite_blocks(suite: SuiteRates) -> tuple[Block, ...]:
     """The section, from what `harness calibrate` counted."""
     introduction = (
         f"The gates of {suite.file}, with their own scenes, sizes, budgets and tolerances, in "
@@ -22,17 +22,17 @@ def suite_section(suite: SuiteRates) -> SuiteSection:
         "share random numbers, as they do in a real run. A bank is two budgets of the tracer's replicas and one of "
         "Mitsuba's: what is rarer no simulated run can show, and a bright sample that a bank holds once counts as one "
         "that comes so often, be it luck or not.")
-    return SuiteSection(TITLE, introduction, _remarks(suite), _table(suite))
+    return Heading(TITLE, ANCHOR), Paragraph(introduction), Remarks(_remarks(suite)), _table(suite)
 
 
 def _remarks(suite: SuiteRates) -> tuple[Remark, ...]:
     gates = formats.plural(len(suite.gates), "gate")
-    flaky = [f"{each.gate} ({_percent(Rate(each.undecided, each.trials).value)}{formats.NBSP}%)"
+    flaky = [f"{each.gate} ({formats.percent(Rate(each.undecided, each.trials).value, decimals=1)})"
              for each in suite.gates if each.flaky]
     alarms = formats.plural(suite.failed, "run")
     remarks = [
         Remark(f"False alarms: in {alarms} of {formats.count(suite.runs)} one of the {gates} failed, "
-               f"{_rate(suite.alarms)}, where {100 * suite.false_alarms:g}{formats.NBSP}% is allowed.",
+               f"{_rate(suite.alarms)}, where {formats.share(suite.false_alarms)} is allowed.",
                "fail" if suite.excessive else "pass"),
         Remark("Good renders that end red for any reason, an undecided gate among them: in "
                f"{formats.plural(suite.red, 'run')} of {formats.count(suite.runs)}, {_rate(suite.not_green)}.",
@@ -48,7 +48,7 @@ def _promise(suite: SuiteRates, where: Where) -> Remark:
     sure = [each.gate for each in suite.gates if each.sure(where)]
     blind = [each.gate for each in suite.gates if not each.sure(where)]
     gates = formats.plural(len(suite.gates), "gate")
-    text = (f"A bias of {100 * PROMISED[where]:g}{formats.NBSP}% {PLACES[where]} is sure to be noticed by {len(sure)} "
+    text = (f"A bias of {formats.share(PROMISED[where])} {PLACES[where]} is sure to be noticed by {len(sure)} "
             f"of {gates}")
     if sure and blind:
         text += (f": {formats.words(sure)}" if len(sure) <= len(blind) else f", not by {formats.words(blind)}")
@@ -71,15 +71,15 @@ def _table(suite: SuiteRates) -> Table:
         "did not.")
     short: dict[Where, str] = {"everywhere": "of all", "patch": "in patch"}
     columns = (Column("Gate", share=1), *(Column(title, "right") for title in ("Failed", "Undecided", "Budget")),
-               *(Column(f"{100 * gain:g}{formats.NBSP}%\n{short[where]}", "right") for where, gain in BIASES),
+               *(Column(f"{formats.share(gain)}\n{short[where]}", "right") for where, gain in BIASES),
                *(Column(f"Sure from,\n{short[where]}", "right") for where in PROMISED))
-    return Table(caption, columns, tuple(rows))
+    return Table(caption, columns, tuple(rows), long=True)
 
 
 def _good(rates: GateRates) -> tuple[Cell, ...]:
-    undecided = Rate(rates.undecided, rates.trials)
-    return (Cell(_percent(rates.failed / rates.trials)),
-            Cell(_percent(undecided.value), "warning" if rates.flaky else ""), Cell(f"{100 * rates.share:.0f}"))
+    failed, undecided, share = (formats.percent(fraction, decimals=decimals, unit=False) for fraction, decimals in (
+        (rates.failed / rates.trials, 1), (Rate(rates.undecided, rates.trials).value, 1), (rates.share, 0)))
+    return Cell(failed), Cell(undecided, "warning" if rates.flaky else ""), Cell(share)
 
 
 def _biased(power: GatePower) -> Cell:
@@ -96,9 +96,5 @@ def _sure(rates: GateRates, where: Where) -> Cell:
 
 def _rate(rate: Rate) -> str:
     low, high = rate.interval()
-    return (f"{_percent(rate.value)}{formats.NBSP}% (95{formats.NBSP}% interval {_percent(low)} to "
-            f"{_percent(high)}{formats.NBSP}%)")
-
-
-def _percent(fraction: float) -> str:
-    return formats.number(100 * fraction, 1)
+    return (f"{formats.percent(rate.value, decimals=1)} (95{formats.NBSP}% interval "
+            f"{formats.percent(low, decimals=1, unit=False)} to {formats.percent(high, decimals=1)})")

@@ -6,19 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from harness.metrics import Metric, shown_in
 from harness.report import formats
-from harness.report.content import SYMBOLS, Cell, Column, Mark, Swatch, Table
-from harness.report.style import strategy_style
+from harness.report.blocks import SYMBOLS, Cell, Column, Mark, Swatch, Table
+from harness.report.figures.style import strategy_style
 from harness.results import StrategyResult, StudyResult
-from harness.stats.bias import CHANNELS
+from harness.stats.channels import CHANNELS, Channel
 from harness.stats.convergence import slope_verdict
 from harness.studies.equal_error import EqualError
 
+# What is said of a slope; it is no verdict on a render, which passes, fails or is inconclusive.
+SLOPE_WORDS: dict[Mark, str] = {"pass": "yes", "fail": "no", "inconclusive": "not shown", "exact": "exact",
+                                "": "not fitted"}
 # The Monte Carlo rate that slopes are held against, and by how much a slope's interval may stray from it.
 EXPECTED_SLOPE = -0.5
 SLOPE_TOLERANCE = 0.05
-
-LUMINANCE = CHANNELS.index("luminance")
 
 
 def strategy_cell(strategy: StrategyResult) -> Cell:
@@ -33,7 +35,8 @@ def is_exact(strategy: StrategyResult) -> bool:
 
 
 def slope_mark(strategy: StrategyResult) -> Mark:
-    """The verdict on the slope against -1/2: pass, fail or inconclusive; `exact` without noise, empty if not fitted."""
+    """Is the slope -1/2? pass: shown; fail: shown not to be; else inconclusive; `exact` without noise, empty if not
+    fitted."""
     if strategy.slope is None:
         return "exact" if is_exact(strategy) else ""
     return slope_verdict(strategy.slope, EXPECTED_SLOPE, SLOPE_TOLERANCE)
@@ -63,20 +66,20 @@ def verdict_table(results: Sequence[StudyResult], anchors: Sequence[str]) -> Tab
         for index, strategy in enumerate(result.strategies):
             first = (Cell(result.scene, rows=len(result.strategies), target=anchor),) if index == 0 else ()
             rows.append((*first, strategy_cell(strategy), Cell(formats.count(strategy.estimate.samples)),
-                         Cell(error_text(strategy, LUMINANCE)), *_verdict_cells(strategy)))
+                         Cell(error_text(strategy, Channel.LUMINANCE)), *_verdict_cells(strategy)))
     confidence = _confidence_text([strategy for result in results for strategy in result.strategies])
     caption = (
         f"Verdicts. Mean error: of luminance, over the whole image, relative to the reference, with its {confidence} "
         "confidence interval. Beside it, each with its tolerance, the verdicts on the mean, on every larger and on "
         f"every smaller tile, in all channels: {SYMBOLS['pass']} shown to lie within, {SYMBOLS['fail']} shown to lie "
         f"outside, {SYMBOLS['inconclusive']} undecided by these samples. Slope: of RMSE against samples per pixel on "
-        f"log axes; the Monte Carlo rate is {formats.MINUS}1/2, and a slope passes when its whole interval lies within "
+        f"log axes. The Monte Carlo rate is {formats.MINUS}1/2; yes: the slope's whole interval lies within "
         f"{formats.number(EXPECTED_SLOPE - SLOPE_TOLERANCE, 2)} … "
-        f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}.")
+        f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}, no: it lies outside, not shown: it reaches across.")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Samples\nper pixel", "right"),
                Column("Mean error", "right"), Column("Mean"), Column("Larger\ntiles"), Column("Smaller\ntiles"),
-               Column("Slope", "right"), Column("Verdict"))
-    return Table(caption, columns, tuple(rows), tuple(rules))
+               Column("Slope", "right"), Column(f"Slope\n{formats.MINUS}1/2?"))
+    return Table(caption, columns, tuple(rows), tuple(rules), long=True)
 
 
 def _verdict_cells(strategy: StrategyResult) -> tuple[Cell, ...]:
@@ -86,29 +89,42 @@ def _verdict_cells(strategy: StrategyResult) -> tuple[Cell, ...]:
     mark = slope_mark(strategy)
     verdicts = (Cell(formats.tolerance(found.tolerance), found.outcome)
                 for found in (strategy.verdict, strategy.tiles.coarse, strategy.tiles.fine))
-    return (*verdicts, Cell(slope_text(strategy)), Cell(mark or "not fitted", mark))
+    return (*verdicts, Cell(slope_text(strategy)), Cell(SLOPE_WORDS[mark], mark))
 
 
 def accuracy_table(result: StudyResult) -> Table:
     """Every channel's mean error, the bias that would have been found, and image metrics, one row a strategy."""
+    scores = shown_in("report")
     rows = []
     for strategy in result.strategies:
         detectable = float(np.max(strategy.verdict.smallest_detectable))
         rows.append((
-            strategy_cell(strategy), *(Cell(error_text(strategy, channel, unit=False)) for channel in range(4)),
-            Cell(formats.percent(detectable, unit=False)), Cell(formats.number(float(strategy.ssim[:, -1].mean()), 4)),
-            Cell(formats.number(strategy.flip, 4)), Cell(formats.number(strategy.delta_e, 3)),
+            strategy_cell(strategy), *(Cell(error_text(strategy, channel, unit=False)) for channel in Channel),
+            Cell(formats.percent(detectable, unit=False)),
+            *(Cell(_score_text(metric, strategy.score(metric.name))) for metric in scores),
             Cell(formats.count(strategy.estimate.rejected))))
     confidence = _confidence_text(result.strategies)
     caption = (
         f"How close each strategy comes, with all replicas merged. Mean errors in percent of the reference's mean, "
         f"with {confidence} intervals. Detectable: the smallest bias of any channel, in percent, that this many "
-        "samples would have found with 95 % probability. SSIM: of one replica at full length, the mean over replicas. "
-        "FLIP and ΔE (CIE 2000): means over the pixels, 0 is identical. Rejected: samples that were not finite.")
+        f"samples would have found with 95 % probability. {_score_words(scores)}"
+        "Rejected: samples that were not finite.")
     columns = (Column("Strategy", share=1), *(Column(name.capitalize(), "right") for name in CHANNELS),
-               Column("Detectable", "right"), Column("SSIM", "right"), Column("FLIP", "right"), Column("ΔE", "right"),
-               Column("Rejected", "right"))
+               Column("Detectable", "right"),
+               *(Column(f"{metric.heading}\n({metric.unit})" if metric.unit else metric.heading, "right")
+                 for metric in scores), Column("Rejected", "right"))
     return Table(caption, columns, tuple(rows))
+
+
+def _score_text(metric: Metric, value: float) -> str:
+    return formats.significant(value) if metric.decimals is None else formats.number(value, metric.decimals)
+
+
+def _score_words(scores: Sequence[Metric]) -> str:
+    """What each metric of the table is, those that have a curve first: they are told of one replica."""
+    of_one = [metric.heading for metric in scores if metric.at_prefixes]
+    words = f"{formats.words(of_one)}: of one replica at full length, the mean over replicas. " if of_one else ""
+    return words + "".join(f"{metric.heading}: {metric.sentence}. " for metric in scores if not metric.at_prefixes)
 
 
 def cost_table(result: StudyResult, equal: EqualError) -> Table:
@@ -144,13 +160,8 @@ def cost_table(result: StudyResult, equal: EqualError) -> Table:
 
 
 def _slope_confidence(equal: EqualError) -> str:
-    levels = {cost.strategy.slope.confidence for cost in equal.costs if cost.strategy.slope}
-    return _levels_text(levels)
+    return formats.levels(cost.strategy.slope.confidence for cost in equal.costs if cost.strategy.slope)
 
 
 def _confidence_text(strategies: Sequence[StrategyResult]) -> str:
-    return _levels_text({strategy.verdict.confidence for strategy in strategies})
-
-
-def _levels_text(levels: set[float]) -> str:
-    return formats.words([f"{100 * level:g}{formats.NBSP}%" for level in sorted(levels)])
+    return formats.levels(strategy.verdict.confidence for strategy in strategies)

@@ -7,15 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.report import formats, pictures
-from harness.report.content import SYMBOLS, Bar, Cell, Column, Mark, Picture, PictureRow, Remark, Table
+from harness.report import formats
+from harness.report.bars import signed_bar
+from harness.report.blocks import Asset, Cell, Column, Mark, Picture, PictureRow, Remark, Table
+from harness.report.figures import pictures
 from harness.report.tables import strategy_cell
 from harness.results import StrategyResult, StudyResult
 from harness.stats.findings import TileFinding
 from harness.stats.verdicts import TESTS
 
 Pair = tuple[StudyResult, StrategyResult]
-Assets = dict[str, bytes]
 
 # Beyond so many times the samples a reader need not know how many.
 _MANY = 1e6
@@ -40,7 +41,7 @@ def tiles_table(result: StudyResult) -> Table:
                 Cell(_deviate(found)), Cell(_probability(found.p)),
                 Cell(_sizes(*found.detectable)), Cell(_needed(found))))
     first = result.strategies[0].tiles.fine
-    interval = f"{100 * (1 - first.pass_level):g}{formats.NBSP}%"
+    interval = formats.share(1 - first.pass_level)
     caption = (
         "Tiles, by their side and the tolerance of one, each against its own mean in the reference. Furthest off: the "
         f"tile with the largest error over its standard error, by its first pixel (x, y); its error with {interval} "
@@ -55,18 +56,18 @@ def tiles_table(result: StudyResult) -> Table:
     return Table(caption, columns, tuple(rows), tuple(rules))
 
 
-def deviates_row(result: StudyResult, stem: str, bar: str, assets: Assets) -> PictureRow:
-    """Maps of the smaller tiles' deviates, one a strategy, on the colours of the `bar`, to the bounds of chance."""
+def deviates_row(result: StudyResult, stem: str) -> PictureRow:
+    """Maps of the smaller tiles' deviates, one a strategy, to the bounds of chance."""
     height, width = result.reference.mean.shape[:2]
     limit = max(strategy.tiles.fine.critical for strategy in result.strategies)
     maps = []
     for strategy in result.strategies:
-        found, file = strategy.tiles.fine, f"{stem}-deviates-{strategy.strategy}.png"
-        assets[file] = pictures.difference_png(pictures.tile_pixels(found.z, found.tile, height, width), limit)
+        found = strategy.tiles.fine
+        file = Asset(f"{stem}-deviates-{strategy.strategy}.png", pictures.difference_png(
+            pictures.tile_pixels(found.z, found.tile, height, width), limit))
         maps.append(Picture(file, "", f"Deviates of the smaller tiles of {strategy.strategy}, within ±{limit:.2g}"))
-    labels = (f"{formats.MINUS}{limit:.2g}", "0", f"+{limit:.2g}")
     return PictureRow(tuple(maps), f"Smaller tiles ({result.strategies[0].tiles.fine.tile} px): error over standard "
-                      "error", Bar(bar, labels))
+                      "error", signed_bar(f"{limit:.2g}"))
 
 
 def deviates_words(result: StudyResult) -> str:
@@ -114,23 +115,6 @@ def tiles_summary(judged: Sequence[Pair], names: str, failed: Sequence[Pair]) ->
         f"Every larger tile lies within {bounds[0]} in {passed[0]} of {count}, every smaller one within {bounds[1]} "
         f"in {passed[1]}.{more}{sharp}", mark))
     return remarks
-
-
-def reading() -> tuple[str, str]:
-    """The term 'Tiles', with what a reader needs to judge by it."""
-    return ("Verdicts on tiles",
-            "A mean can be right while the picture is wrong: too bright here, too dark there. So the image is also cut "
-            "into tiles, the larger of 1/5 of its side, the smaller so small that any square of 1 % of the image, "
-            "wherever it lies, holds a whole one; the tolerances stand to that of the mean as the noise of a tile to "
-            f"the noise of the image. {SYMBOLS['pass']} pass: every tile, in every channel, is shown to lie within its "
-            f"tolerance. {SYMBOLS['fail']} fail: some tile is shown to lie outside, by more than chance makes of the "
-            f"noisiest of them. {SYMBOLS['inconclusive']} inconclusive: neither, for tiles are noisier than the image. "
-            "A tile that fails makes the strategy fail. One that is undecided leaves it as its mean is judged, and is "
-            "no proof of anything: the table then says which bias could still hide, and how many samples would decide. "
-            "All images and tiles that are tested share one rate of false alarms (Šidák 1967), so that of a hundred "
-            "such reports on a right renderer one may show a failure. Tails that rare bright samples make heavy are "
-            "corrected for by their skewness (Hall 1992), and a tile that has met no bright sample borrows the "
-            "variance of its neighbours, which have.")
 
 
 def _deviate(found: TileFinding) -> str:

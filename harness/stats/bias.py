@@ -8,13 +8,11 @@ from typing import Literal
 import numpy as np
 
 from harness.errors import HarnessError
+from harness.stats.channels import CHANNELS, Channel
 from harness.stats.deviates import half_width, satterthwaite
 from harness.stats.levels import check_level
 
 Outcome = Literal["pass", "fail", "inconclusive"]
-
-# The order of the four means of an image wherever this package holds them in one array.
-CHANNELS = ("red", "green", "blue", "luminance")
 
 # Probability with which a bias of the size `smallest_detectable` is found.
 POWER = 0.95
@@ -43,11 +41,17 @@ class MeanErrorVerdict:
     dof: np.ndarray
     smallest_detectable: np.ndarray
 
+    @property
+    def luminance(self) -> tuple[float, float, float]:
+        """Error, low and high of luminance."""
+        error, low, high = (float(values[Channel.LUMINANCE]) for values in (self.error, self.low, self.high))
+        return error, low, high
+
 
 def error_scale(reference_mean: np.ndarray) -> np.ndarray:
     """What the errors of the four image means are divided by, (4,) -> (4,); see `MeanErrorVerdict.error`."""
     mean = np.abs(np.asarray(reference_mean, dtype=np.float64))
-    luminance = mean[3] if mean[3] > 0 else 1.0
+    luminance = mean[Channel.LUMINANCE] if mean[Channel.LUMINANCE] > 0 else 1.0
     return np.where(mean > BLACK * luminance, mean, luminance)
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.stats.bias import CHANNELS, Outcome
+from harness.stats.bias import Outcome
+from harness.stats.channels import CHANNELS, Channel
 from harness.stats.deviates import critical_deviate
 from harness.stats.needed import factor_to_decide, times
 from harness.stats.tiles import COARSER, TileSamples
@@ -85,7 +86,7 @@ def summarised(verdict: TileVerdict) -> TileFinding:
     size = np.abs(np.nan_to_num(z))
     row, column, channel = (int(i) for i in np.unravel_index(int(np.argmax(size)), z.shape))
     at = row, column, channel
-    hardest = verdict.tolerance + verdict.smallest_detectable[..., CHANNELS.index("luminance")]
+    hardest = verdict.tolerance + verdict.smallest_detectable[..., Channel.LUMINANCE]
     return TileFinding(
         outcome=verdict.outcome, reason=verdict.reason, tolerance=verdict.tolerance, fail_level=verdict.fail_level,
         pass_level=verdict.pass_level, tile=verdict.tile, z=largest_deviates(z), critical=verdict.critical, p=verdict.p,

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.stats.bias import CHANNELS, POWER, Outcome, check_tolerance, error_scale, percent, signed_percent
+from harness.stats.bias import POWER, Outcome, check_tolerance, error_scale, percent, signed_percent
+from harness.stats.channels import CHANNELS, Channel
 from harness.stats.deviates import (
     all_exceed,
     critical_deviate,
@@ -91,6 +92,13 @@ class BiasVerdict:
     mean: TileVerdict
     coarse: TileVerdict
     fine: TileVerdict
+
+    @property
+    def luminance(self) -> tuple[float, float, float]:
+        """Error, low and high of the image's mean luminance."""
+        error, low, high = (float(values[0, 0, Channel.LUMINANCE])
+                            for values in (self.mean.error, self.mean.low, self.mean.high))
+        return error, low, high
 
 
 def bias_verdict(test: TileSamples, reference: TileSamples, tolerance: Tolerance | None = None, *,

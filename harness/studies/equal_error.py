@@ -48,7 +48,7 @@ def equal_error(result: StudyResult) -> EqualError | None:
     if len(fitted) < 2:
         return None
     target = max(_final_rmse(strategy, slope) for strategy, slope in fitted)
-    needs = {strategy.strategy: Factor(*spp_to_reach(strategy.spp, strategy.rmse, target, slope.confidence))
+    needs = {strategy.strategy: Factor(*spp_to_reach(strategy.spp, strategy.curves["rmse"], target, slope.confidence))
              for strategy, slope in fitted}
     baseline = next((strategy for strategy, _ in fitted if strategy.strategy == BASELINE), fitted[0][0])
     samples = needs[baseline.strategy]
@@ -60,7 +60,7 @@ def equal_error(result: StudyResult) -> EqualError | None:
         if strategy is baseline:
             costs.append(Cost(strategy, own, time, None, None, None))
             continue
-        variances = [sample_variance(s.spp, s.rmse, slope.confidence) for s in (baseline, strategy)]
+        variances = [sample_variance(s.spp, s.curves["rmse"], slope.confidence) for s in (baseline, strategy)]
         costs.append(Cost(strategy, own, time, samples.over(own), seconds.over(time), variances[0].over(variances[1])))
     return EqualError(target, baseline.strategy, tuple(costs))
 

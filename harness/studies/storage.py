@@ -13,17 +13,19 @@ from typing import Any, cast
 
 import numpy as np
 
+from harness import metrics
 from harness.errors import StoreError
 from harness.files import write_atomically
 from harness.results import StrategyResult, StudyResult
 from harness.samples.estimate import Estimate
 from harness.samples.exr import read_estimate, write_estimate
-from harness.stats.bias import CHANNELS, MeanErrorVerdict, Outcome
+from harness.stats.bias import MeanErrorVerdict, Outcome
+from harness.stats.channels import CHANNELS
 from harness.stats.convergence import Slope
 from harness.stats.findings import TileFinding, Tiles
 
 STUDY_FILE = "study.json"
-FORMAT = 2  # raised when files written before can no longer be read; 1 had no tiles
+FORMAT = 3  # raised when files written before can no longer be read; 1 had no tiles, 2 a field a metric
 
 # `_image_name` makes these; files of other names in the folder are left alone.
 _IMAGE = re.compile(r"[a-z0-9_-]+\.[0-9a-f]{12}\.exr")
@@ -128,16 +130,22 @@ def _study(folder: Path, content: Mapping[str, Any]) -> StudyResult:
 
 def _strategy(held: Mapping[str, Any], estimate: Estimate) -> StrategyResult:
     spp = _array(held["spp"], 1)
-    curves = {name: _array(held[name], 2) for name in ("rmse", "mean_error", "ssim")}
+    curves = {str(name): _array(values, 2) for name, values in held["curves"].items()}
+    scores = {str(name): float(value) for name, value in held["scores"].items()}
+    known = {metric.name: metric.at_prefixes for metric in metrics.METRICS}
+    if {**dict.fromkeys(curves, True), **dict.fromkeys(scores, False)} != known:  # written before one was added
+        raise ValueError(f"{held['strategy']}: metrics {', '.join((*curves, *scores))}; this version measures "
+                         f"{', '.join(known)}")
     shapes = {name: curve.shape for name, curve in curves.items()}
     if len(set(shapes.values())) != 1 or curves["rmse"].shape[1] != spp.size or not curves["rmse"].size:
         raise ValueError(f"{held['strategy']}: curves of shapes {shapes} over {spp.size} prefixes")
     return StrategyResult(
         strategy=str(held["strategy"]), suits=bool(held["suits"]), warning=str(held["warning"]),
-        spp=spp.astype(np.int64), **curves, estimate=estimate, verdict=_verdict(held["verdict"]),
+        spp=spp.astype(np.int64), curves=curves, scores=scores, estimate=estimate,
+        verdict=_verdict(held["verdict"]),
         tiles=Tiles(_finding(held["tiles"]["coarse"]), _finding(held["tiles"]["fine"])),
-        slope=None if held["slope"] is None else _slope(held["slope"]), flip=float(held["flip"]),
-        delta_e=float(held["delta_e"]), cpu_seconds_per_spp=float(held["cpu_seconds_per_spp"]))
+        slope=None if held["slope"] is None else _slope(held["slope"]),
+        cpu_seconds_per_spp=float(held["cpu_seconds_per_spp"]))
 
 
 def _verdict(held: Mapping[str, Any]) -> MeanErrorVerdict:

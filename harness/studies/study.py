@@ -16,7 +16,7 @@ from harness.estimators.tracer import Tracer
 from harness.policy import CONFIDENCE, TOLERANCE, fail_level, judge, tolerance_for, tolerances
 from harness.progress import Advance, Progress, quiet
 from harness.results import StrategyResult, StudyResult
-from harness.samples.estimate import Accumulator, Batch, Estimate, luminance, with_luminance
+from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminance
 from harness.samples.store import Store
 from harness.scene import Film, Scene, SceneFile, describe, file_of, load
 from harness.shader.strategies import Strategy, suitable_strategies
@@ -168,21 +168,22 @@ class _Replicas:
     def __init__(self, strategy: Strategy, scene: Film, renderer: Renderer, reference: _Reference, spp: int) -> None:
         self.strategy, self.scene, self.renderer, self.reference, self.spp = strategy, scene, renderer, reference, spp
         self.prefixes = prefix_sizes(spp)
-        self.curves: list[list[tuple[float, float, float]]] = []  # per replica, per prefix: RMSE, mean error, SSIM
+        self.curves: list[list[dict[str, float]]] = []  # per replica, per prefix: metrics by name
         self.total = Accumulator()
         self.tiles = TileAccumulator(tile_size(scene.height, scene.width))
         self.costs: list[tuple[int, float]] = []  # samples per pixel of each batch, CPU seconds for one of them
 
     def add_replica(self, store: Store | None, advance: Advance) -> None:
         prefix = Accumulator()
-        curve: list[tuple[float, float, float]] = []
+        curve: list[dict[str, float]] = []
 
         def measured() -> Iterator[Batch]:  # batches pass through, so that no run is ever held whole
             for batch in batches(self.renderer, self.spp, replica=len(self.curves), store=store, advance=advance):
                 prefix.add(batch)
                 self.costs.append((batch.samples, batch.cpu_seconds / batch.samples))
                 if prefix.samples in self.prefixes:
-                    curve.append(_curve_point(prefix.mean, self.reference.estimate, self.scene))
+                    curve.append(metrics.measure(prefix.mean, self.reference.estimate, self.scene.exposure,
+                                                 at_prefixes=True))
                 yield batch
 
         # For tiles as well: of uneven sizes, yet more of them and so sharper than if all were made as long as the last.
@@ -194,19 +195,19 @@ class _Replicas:
     def result(self, plan: Plan) -> StrategyResult:
         merged = self.total.estimate()
         strategy, scene, reference = self.strategy, self.scene, self.reference.estimate
-        rmse, mean_error, ssim = np.moveaxis(np.array(self.curves), -1, 0)
+        curves = {name: np.array([[point[name] for point in curve] for curve in self.curves])
+                  for name in self.curves[0][0]}
         spp = np.array(self.prefixes)
         largest = max(samples for samples, _ in self.costs)
         return StrategyResult(
             strategy=strategy.name, suits=strategy.suits, warning=strategy.warning, spp=spp,
-            rmse=rmse, mean_error=mean_error, ssim=ssim, estimate=merged,
+            curves=curves, scores=metrics.measure(merged.mean, reference, scene.exposure, at_prefixes=False),
+            estimate=merged,
             verdict=judge(merged, reference, tolerance=plan.tolerance.mean, confidence=plan.confidence,
                           fail_level=plan.fail_level),
             tiles=judge_tiles(self.tiles.samples(), self.reference.tiles, plan.tolerance, fail_level=plan.fail_level,
                               pass_level=1 - plan.confidence),
-            slope=None if _is_exact(merged) or len(spp) < 3 else fit_slope(spp, rmse),
-            flip=metrics.flip(merged.mean, reference.mean, scene.exposure),
-            delta_e=metrics.delta_e2000(merged.mean, reference.mean, scene.exposure),
+            slope=None if _is_exact(merged) or len(spp) < 3 else fit_slope(spp, curves["rmse"]),
             cpu_seconds_per_spp=float(np.median([cost for samples, cost in self.costs if samples == largest])))
 
 
@@ -244,15 +245,6 @@ def _study_estimator(file: SceneFile, film: Film, estimator: Estimator, referenc
         more = min(more - plan.replicas, plan.max_replicas - plan.replicas) if strategy.suits else 0
         drawing.grow(run, estimator, file, more, f"{file.name} {estimator.name}, more to decide")
         return run.result(plan)
-
-
-def _curve_point(mean: np.ndarray, reference: Estimate, scene: Film) -> tuple[float, float, float]:
-    target = luminance(reference.mean).mean()
-    error = luminance(mean).mean() - target
-    noise = None if np.isnan(reference.variance).any() else reference.variance  # unknown in files of other renderers
-    return (metrics.rmse(mean, reference.mean, noise=noise),
-            float(error / target) if target > 0 else float(error),
-            metrics.ssim(mean, reference.mean, scene.exposure))
 
 
 def _is_exact(estimate: Estimate) -> bool:

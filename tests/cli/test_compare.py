@@ -17,6 +17,7 @@ from harness.samples.exr import write_estimate
 from harness.work.batches import render_estimate
 from tests.cli.conftest import Harness, refusal
 from tests.support.fakes import NoiseRenderer
+from tests.support.metrics import register
 
 SCENE = {"harness.scene": "0123456789abcdef"}
 SHAPE = (16, 24)
@@ -126,6 +127,17 @@ class TestMetrics:
     def test_of_an_image_with_itself_are_perfect(self, harness: Harness) -> None:
         done = harness("compare", foreign("x.exr"), "x.exr", "--json")
         assert [done.json[name] for name in ("rmse", "relmse", "ssim", "flip", "delta_e2000")] == [0, 0, 1, 0, 0]
+
+    def test_that_are_new_in_the_registry_are_shown(self, harness: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
+        register(monkeypatch)
+        foreign("x.exr")
+        foreign("y.exr", {"RGB": colours() + np.float32(0.5)})
+        answer = harness("compare", "x.exr", "y.exr", "--json").json
+        assert answer["largest_error"] == pytest.approx(0.5) and answer["share_off"] == 1.0
+        lines = harness("compare", "x.exr", "y.exr").out.splitlines()
+        assert [line.split() for line in lines if line.startswith(("largest", "share"))] == [
+            ["largest_error", "0.5", *["largest", "difference", "of", "a", "pixel"]],
+            ["share_off", "1", *["part", "of", "the", "values", "that", "differ"]]]
 
     def test_take_the_exposure_of_the_reference(self, harness: Harness) -> None:
         ours("x.exr", 0.4), ours("dark.exr", 0.5, exposure=-3.0), ours("plain.exr", 0.5)

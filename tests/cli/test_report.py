@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from harness import bench, files, studies
 from harness.policy import fail_level
+from harness.report import Inputs
 from harness.results import StudyResult
 from harness.studies.study import study as honest_study
 from tests.cli.conftest import SKY, Harness
 
-ROW = bench.Row("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.0, opponent_rate=2.0, ratio=6.0, low=5.5,
+ROW = bench.BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.0, opponent_rate=2.0, ratio=6.0, low=5.5,
                 high=6.5, wall_ratio=6.1, efficiency_ratio=4.0)
 
 
@@ -26,21 +24,13 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(studies.PROFILES, "quick", studies.Profile(spp=4, replicas=2, reference_spp=8))
 
 
-@dataclass
-class Built:
-    """What a report was to be set from."""
-
-    results: Sequence[StudyResult]
-    bench: Mapping[str, Any] | None
-
-
 @pytest.fixture
-def unset(monkeypatch: pytest.MonkeyPatch) -> list[Built]:
+def unset(monkeypatch: pytest.MonkeyPatch) -> list[Inputs]:
     """Reports are not set, which takes seconds, but noted here."""
-    built: list[Built] = []
+    built: list[Inputs] = []
 
-    def note(results: Sequence[StudyResult], output: Path, *, bench: Mapping[str, Any] | None, **rest: object) -> Path:
-        built.append(Built(results, bench))
+    def note(inputs: Inputs, output: Path) -> Path:
+        built.append(inputs)
         return output / "report.pdf"
 
     monkeypatch.setattr("harness.report.build_report", note)
@@ -62,16 +52,17 @@ def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
     for done, folder in ((first, "out"), (second, "elsewhere")):
         assert (done.status, done.err) == (0, "")
         lines = done.out.splitlines()
-        assert lines[0].startswith("5 of 5 verdicts pass; ")
+        assert lines[0].startswith("5 of 5 pairs of scene and strategy pass; ")
         assert lines[-1] == f"{folder}/report.pdf"
         assert Path(folder, "report.pdf").read_bytes().startswith(b"%PDF-")
         assert "Nothing but sky." in Path(folder, "report.html").read_text(encoding="utf-8")
-    speed = [json.loads(Path(folder, "report.json").read_text("utf-8"))["speed"] for folder in ("out", "elsewhere")]
-    assert speed[0]["rows"][0][0]["text"] == "diffuse", "the benchmark beside the report is taken up"
-    assert speed[1] is None
+    pages = [json.loads(Path(folder, "report.json").read_text("utf-8"))["chapters"] for folder in ("out", "elsewhere")]
+    speed, = (chapter["blocks"][0] for chapter in pages[0] if chapter["title"] == "Speed")
+    assert speed["rows"][0][0]["text"] == "diffuse", "the benchmark beside the report is taken up"
+    assert "Speed" not in [chapter["title"] for chapter in pages[1]]
 
 
-def test_json_names_every_verdict(harness: Harness, sky: Path, unset: list[Built]) -> None:
+def test_json_names_every_verdict(harness: Harness, sky: Path, unset: list[Inputs]) -> None:
     done = harness("report", sky, "-o", "out", "--json")
     assert done.json["pdf"] == "out/report.pdf"
     assert done.json["verdicts"] == {
@@ -82,14 +73,14 @@ class TestCache:
     """What was studied is read back, and what was lost of it is made again."""
 
     @pytest.fixture
-    def kept(self, harness: Harness, sky: Path, tmp_path: Path, unset: list[Built]) -> Path:
+    def kept(self, harness: Harness, sky: Path, tmp_path: Path, unset: list[Inputs]) -> Path:
         """The folder of a study in the cache."""
         harness("report", sky, "-o", "out")
         folder, = (tmp_path / "cache" / "studies").iterdir()
         return folder
 
     def test_another_exposure_is_another_study_of_the_same_samples(
-        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, kept: Path, unset: list[Built],
+        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, kept: Path, unset: list[Inputs],
     ) -> None:
         def refuse(*arguments: object) -> None:
             raise AssertionError("rendered again")
@@ -123,7 +114,7 @@ class TestCache:
 
 
 def test_a_verdict_that_is_not_pass_is_named_and_makes_the_status_1(
-    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Built],
+    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Inputs],
 ) -> None:
     def biased(*arguments: object, **options: object) -> StudyResult:
         result = honest_study(*arguments, **options)  # type: ignore[arg-type]
@@ -137,12 +128,12 @@ def test_a_verdict_that_is_not_pass_is_named_and_makes_the_status_1(
     done = harness("report", sky, "-o", "out")
     assert done.status == 1
     assert done.err == "warning: sky uniform: fail\nwarning: sky cosine: inconclusive\n"
-    assert done.out.splitlines()[0].startswith("2 of 4 verdicts pass; ")
+    assert done.out.splitlines()[0].startswith("2 of 4 pairs of scene and strategy pass; ")
     assert done.out.splitlines()[-1] == "out/report.pdf"
 
 
 def test_a_tile_that_fails_makes_the_status_1_and_an_undecided_one_does_not(
-    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Built],
+    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Inputs],
 ) -> None:
     def spoilt(*arguments: object, **options: object) -> StudyResult:
         result = honest_study(*arguments, **options)  # type: ignore[arg-type]
@@ -160,7 +151,7 @@ def test_a_tile_that_fails_makes_the_status_1_and_an_undecided_one_does_not(
 
 
 def test_all_scenes_of_a_report_share_the_rate_of_false_alarms(
-    harness: Harness, sky: Path, unset: list[Built],
+    harness: Harness, sky: Path, unset: list[Inputs],
 ) -> None:
     """Five strategies a scene; with a second scene each has half the level, also where the first is in the cache."""
     other = sky.with_name("other.xml")
@@ -173,16 +164,18 @@ def test_all_scenes_of_a_report_share_the_rate_of_false_alarms(
 
 
 @pytest.mark.parametrize("content", ["", '{"rows": [{"scene": "x"}]}'])
-def test_a_damaged_benchmark_is_left_out_with_a_warning(
-    harness: Harness, sky: Path, unset: list[Built], content: str,
+@pytest.mark.parametrize(("name", "kind"), [
+    ("bench", "a benchmark result"), ("calibration", "a calibration"), ("mutants", "a kill matrix")])
+def test_what_is_damaged_beside_the_report_is_left_out_with_a_warning(
+    harness: Harness, sky: Path, unset: list[Inputs], name: str, kind: str, content: str,
 ) -> None:
     Path("out").mkdir()
-    Path("out/bench.json").write_text(content)
+    Path(f"out/{name}.json").write_text(content)
     done = harness("report", sky, "-o", "out")
     assert done.status == 0
-    assert done.err.startswith("warning: out/bench.json: not a benchmark result (")
+    assert done.err.startswith(f"warning: out/{name}.json: not {kind} (") and done.err.count("\n") == 1
     assert done.err.endswith("; the report goes without it\n")
-    assert unset[0].bench is None
+    assert not getattr(unset[0], name)
 
 
 class TestExhibits:
@@ -211,7 +204,7 @@ class TestExhibits:
         assert len(measured) == 1
 
     def test_damaged_ones_are_measured_again(
-        self, harness: Harness, measured: list[int], tmp_path: Path, unset: list[Built],
+        self, harness: Harness, measured: list[int], tmp_path: Path, unset: list[Inputs],
     ) -> None:
         harness("report", "-o", "out")
         words, = (tmp_path / "cache" / "exhibits").glob("*/exhibits.json")
@@ -222,7 +215,7 @@ class TestExhibits:
         assert len(measured) == 2
 
     def test_a_report_on_other_scenes_goes_without(
-        self, harness: Harness, measured: list[int], tmp_path: Path, unset: list[Built],
+        self, harness: Harness, measured: list[int], tmp_path: Path, unset: list[Inputs],
     ) -> None:
         assert harness("report", tmp_path / "scenes" / "sky.xml", "-o", "out").status == 0
         assert not measured

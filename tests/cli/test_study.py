@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from harness.samples.exr import write_estimate
 from harness.scene import load_scene
 from harness.studies.storage import load_study
 from tests.cli.conftest import SKY, Harness, refusal
+from tests.support.metrics import register
 
 BRIEF = ("--spp", 8, "--replicas", 2)
 FULL = np.broadcast_to([0.5, 0.25, 1.0], (12, 16, 3))  # what the sky's scene shows
@@ -84,6 +87,18 @@ class TestJson:
         assert [item["strategy"] for item in answer["strategies"]] == ["mixture"]
 
 
+def test_a_metric_that_is_new_in_the_registry_is_shown(harness: Harness, sky: Path,
+                                                       monkeypatch: pytest.MonkeyPatch) -> None:
+    register(monkeypatch)
+    given = (*BRIEF, "-s", "mixture", "--reference", reference(sky, scale=1.1))
+    item, = harness("study", sky, *given, "--json").json["strategies"]
+    assert item["largest_error"] == [[pytest.approx(0.1, abs=1e-4)] * 4] * 2 and item["share_off"] == 1.0
+    heading, first, *_ = harness("study", sky, *given).out.splitlines()
+    assert re.split(r"  +", heading)[4:] == ["RMSE", "SSIM", "largest error", "share off", "slope", "interval",
+                                             "CPU s/spp"]
+    assert re.split(r"  +", first)[6:8] == ["0.1", "1.00"]
+
+
 class TestReference:
     """A ready image instead of Mitsuba's."""
 
@@ -138,11 +153,18 @@ class TestReference:
 
 
 def test_the_result_is_kept_where_asked(harness: Harness, sky: Path) -> None:
+    """As a study that can be loaded, and as a table."""
     answer = harness("study", sky, *BRIEF, "-o", "kept/here", "--json").json
+    with Path("kept/here/table.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["estimator"] for row in rows} == {item["strategy"] for item in answer["strategies"]}
+    assert [float(row["value"]) for row in rows if (row["estimator"], row["quantity"], row["replica"])
+            == ("uniform", "rmse", "1")] == answer["strategies"][0]["rmse"][1]
+    assert all(row["device"] for row in rows)
     kept = load_study("kept/here")
     assert kept.scene_hash == answer["scene_hash"]
     assert [item.strategy for item in kept.strategies] == [item["strategy"] for item in answer["strategies"]]
-    np.testing.assert_array_equal(kept.strategies[0].rmse, answer["strategies"][0]["rmse"])
+    np.testing.assert_array_equal(kept.strategies[0].curves["rmse"], answer["strategies"][0]["rmse"])
 
 
 def test_a_second_study_renders_nothing(harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch) -> None:

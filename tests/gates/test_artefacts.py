@@ -16,8 +16,10 @@ from PIL import Image
 
 from harness.errors import HarnessError
 from harness.gates import Gate, GateResult, load_gates, run_gate
-from harness.gates.artefacts import IMAGES, PICTURES, RESULT_FILE, as_json, command, error_json, save_result
+from harness.gates.artefacts import IMAGES, PICTURES, RESULT_FILE, command, error_record, record, save_result
+from harness.gates.records import as_json, from_json
 from harness.gates.summary import counted, percent, write_summary
+from harness.results import GateRecord
 from harness.samples.exr import read_estimate
 from tests.support.gates import Noise, judging, one_gate
 
@@ -71,12 +73,28 @@ class TestFiles:
 
     def test_numbers_are_the_results(self, folder: Path, failed: GateResult) -> None:
         numbers = json.loads((folder / RESULT_FILE).read_text(encoding="utf-8"))
-        assert numbers == as_json(failed)
+        assert from_json(numbers) == record(failed)
         assert (numbers["outcome"], numbers["samples"], numbers["budget"]) == ("fail", 16, 64)
         assert numbers["error"] == pytest.approx([0.01] * 4, rel=0.05)
+        told = record(failed).numbers
+        assert told is not None and told.luminance == failed.verdict.luminance == (
+            numbers["error"][3], numbers["low"][3], numbers["high"][3])
         assert numbers["tests"]["mean"]["outcome"] == "fail"
         assert [look["samples"] for look in numbers["looks"]] == [16]
         assert numbers["curve"][0]["low"] is None
+
+    def test_hold_what_they_held_in_the_order_in_which_they_held_it(self, failed: GateResult) -> None:
+        """Other programs read them."""
+        numbers = as_json(record(failed))
+        assert list(numbers) == [
+            "gate", "outcome", "reason", "why", "scene", "strategy", "origin", "command", "error", "low", "high",
+            "confidence", "tests", "looks", "curve", "samples", "budget", "not_finite", "fail_level", "seconds"]
+        assert list(numbers["tests"]["mean"]) == ["outcome", "reason", "tolerance", "tile", "p", "largest_error",
+                                                  "smallest_detectable"]
+        assert list(numbers["looks"][0]) == ["samples", "reference_samples", "outcome", "reason", "error", "low",
+                                             "high"]
+        assert list(numbers["curve"][0]) == ["samples", "error", "low", "high", "tile_rmse"]
+        assert as_json(GateRecord("odd", "error", "why")) == {"gate": "odd", "outcome": "error", "reason": "why"}
 
     def test_of_an_earlier_run_are_removed(self, tmp_path: Path, folder: Path, passed: GateResult) -> None:
         shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
@@ -108,8 +126,8 @@ class TestSummary:
     def test_shows_every_gate_and_the_failed_ones_first(
         self, failed: GateResult, passed: GateResult, folder: Path,
     ) -> None:
-        error = {"gate": "odd", "outcome": "error", "reason": "gates.toml:3: no <sky> file"}
-        page, numbers = write_summary([as_json(passed), error, as_json(failed)], folder.parent)
+        error = GateRecord("odd", "error", "gates.toml:3: no <sky> file")
+        page, numbers = write_summary([record(passed), error, record(failed)], folder.parent)
         text = page.read_text(encoding="utf-8")
         assert "1 fail, 1 error, 1 pass" in text
         rows = re.findall(r"<tr><td>(?:<a[^>]*>)?([a-z]+)(?:</a>)?</td><td class=\"([a-z]+)\">\2", text)
@@ -123,7 +141,7 @@ class TestSummary:
             "sky", "odd", "right"]
 
     def test_its_pictures_exist(self, failed: GateResult, folder: Path) -> None:
-        page, = write_summary([as_json(failed)], folder.parent, ["html"])
+        page, = write_summary([record(failed)], folder.parent, ["html"])
         shown = re.findall(r'src="([^"]+)"', page.read_text(encoding="utf-8"))
         assert shown == [f"sky/{name}" for name in PICTURES]
         assert all((folder.parent / name).is_file() for name in shown)
@@ -132,7 +150,7 @@ class TestSummary:
         """Several gates files: each gate's folder lies below one of its file's name."""
         label = "bär ne/gates.toml/sky"
         shutil.copytree(folder, tmp_path / label)
-        page, = write_summary([{**as_json(failed), "gate": label}], tmp_path, ["html"])
+        page, = write_summary([dataclasses.replace(record(failed), gate=label)], tmp_path, ["html"])
         text = page.read_text(encoding="utf-8")
         shown = re.findall(r'src="([^"]+)"', text)
         assert len(shown) == len(PICTURES)
@@ -140,19 +158,19 @@ class TestSummary:
         assert f'id="{label}"' in text and f'href="#{quote(label)}"' in text
 
     def test_of_an_error_shows_reason_and_command(self, gate: Gate, tmp_path: Path) -> None:
-        told = error_json(gate, HarnessError("own.frag:2: odd"))
+        told = error_record(gate, HarnessError("own.frag:2: odd"))
         text = write_summary([told], tmp_path, ["html"])[0].read_text(encoding="utf-8")
         assert "own.frag:2: odd" in text and "--only sky" in text and "<img" not in text
 
     def test_leaves_no_page_of_an_earlier_run(self, passed: GateResult, tmp_path: Path) -> None:
-        write_summary([as_json(passed)], tmp_path)
-        write_summary([as_json(passed)], tmp_path, ["json"])
+        write_summary([record(passed)], tmp_path)
+        write_summary([record(passed)], tmp_path, ["json"])
         assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
-        write_summary([as_json(passed)], tmp_path, [])
+        write_summary([record(passed)], tmp_path, [])
         assert not list(tmp_path.iterdir())
 
     def test_counts_in_words(self) -> None:
-        assert counted([{"outcome": "pass"}, {"outcome": "fail"}, {"outcome": "pass"}]) == "1 fail, 2 pass"
+        assert counted([GateRecord("x", outcome, "") for outcome in ("pass", "fail", "pass")]) == "1 fail, 2 pass"
         assert counted([]) == "none"
 
     @pytest.mark.parametrize(("value", "signed", "text"), [

@@ -10,13 +10,14 @@ import pytest
 from harness.results import StrategyResult, StudyResult
 from harness.stats.convergence import fit_slope
 from harness.studies.equal_error import equal_error
+from tests.support.report import with_curves
 
 
 def power_law(strategy: StrategyResult, coefficient: float, seconds: float, spread: float = 0.0) -> StrategyResult:
     """The strategy with RMSE = coefficient / sqrt(spp), its replicas `spread` apart (relative)."""
-    factors = 1 + spread * np.linspace(-1, 1, strategy.rmse.shape[0])
+    factors = 1 + spread * np.linspace(-1, 1, strategy.curves["rmse"].shape[0])
     rmse = coefficient * factors[:, None] / np.sqrt(strategy.spp)[None, :]
-    return replace(strategy, rmse=rmse, slope=fit_slope(strategy.spp, rmse), cpu_seconds_per_spp=seconds)
+    return replace(with_curves(strategy, rmse=rmse), slope=fit_slope(strategy.spp, rmse), cpu_seconds_per_spp=seconds)
 
 
 def test_exact_power_laws_give_exact_factors(study: StudyResult) -> None:

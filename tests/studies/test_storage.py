@@ -29,6 +29,10 @@ def assert_same(found: Any, saved: Any, name: str = "result") -> None:
         assert type(found) is type(saved), name
         for field in dataclasses.fields(saved):
             assert_same(getattr(found, field.name), getattr(saved, field.name), f"{name}.{field.name}")
+    elif isinstance(saved, dict):
+        assert found.keys() == saved.keys(), name
+        for key in saved:
+            assert_same(found[key], saved[key], f"{name}.{key}")
     elif isinstance(saved, tuple):
         assert len(found) == len(saved), name
         for index, (one, other) in enumerate(zip(found, saved, strict=True)):
@@ -65,9 +69,10 @@ def test_numbers_that_are_not_finite_come_back(study: StudyResult, tmp_path: Pat
     unknown = np.full(4, np.nan)
     first = study.strategies[0]
     verdict = dataclasses.replace(first.verdict, low=unknown, high=-unknown, smallest_detectable=np.full(4, np.inf))
-    mixed = first.rmse.copy()
+    mixed = first.curves["rmse"].copy()
     mixed[0, 0] = np.nan
-    strategy = dataclasses.replace(first, verdict=verdict, flip=float("nan"), rmse=mixed)
+    strategy = dataclasses.replace(first, verdict=verdict, scores={**first.scores, "flip": float("nan")},
+                                   curves={**first.curves, "rmse": mixed})
     changed = dataclasses.replace(study, strategies=(strategy,))
     save_study(changed, tmp_path)
     json.loads((tmp_path / "study.json").read_text(), parse_constant=lambda name: pytest.fail(f"{name} in JSON"))
@@ -125,11 +130,22 @@ def test_a_file_that_is_no_study_is_refused_in_one_line(saved: Path, change: dic
 
 @pytest.mark.parametrize(("name", "value"), [
     ("spp", [1, 2]), ("spp", [[1, 2, 4, 8, 16, 32, 64]]),
-    ("rmse", [[1.0]]), ("ssim", 3), ("verdict", {}), ("tiles", {}),
-    ("tiles", {"coarse": {"outcome": "maybe"}}), ("slope", {"slope": 1}), ("flip", "x")])
+    ("curves", {}), ("curves", 3), ("scores", {}), ("verdict", {}), ("tiles", {}),
+    ("tiles", {"coarse": {"outcome": "maybe"}}), ("slope", {"slope": 1})])
 def test_a_damaged_strategy_is_refused_in_one_line(saved: Path, name: str, value: object) -> None:
     content = json.loads((saved / "study.json").read_text())
     content["strategies"][0][name] = value
+    (saved / "study.json").write_text(json.dumps(content))
+    with pytest.raises(StoreError, match=r"study\.json: not a study .*; remove it"):
+        load_study(saved)
+
+
+@pytest.mark.parametrize(("kind", "name", "value"), [
+    ("curves", "rmse", [[1.0]]), ("curves", "ssim", 3), ("curves", "unknown", [[1.0]]), ("scores", "flip", "x"),
+    ("scores", "unknown", 1.0)])
+def test_damaged_metrics_are_refused_in_one_line(saved: Path, kind: str, name: str, value: object) -> None:
+    content = json.loads((saved / "study.json").read_text())
+    content["strategies"][0][kind][name] = value
     (saved / "study.json").write_text(json.dumps(content))
     with pytest.raises(StoreError, match=r"study\.json: not a study .*; remove it"):
         load_study(saved)
@@ -149,7 +165,7 @@ def test_a_study_without_tiles_is_of_an_earlier_format(saved: Path) -> None:
     content = json.loads((saved / "study.json").read_text())
     del content["strategies"][0]["tiles"]
     (saved / "study.json").write_text(json.dumps({**content, "format": 1}))
-    with pytest.raises(StoreError, match=r"format 1 of a study, this version reads 2; remove it and run"):
+    with pytest.raises(StoreError, match=r"format 1 of a study, this version reads 3; remove it and run"):
         load_study(saved)
 
 

@@ -45,10 +45,11 @@ def test_every_suiting_strategy_agrees_with_mitsuba_and_converges_as_it_should(s
         assert item.slope is not None
         assert item.slope.low - 0.05 < -0.5 < item.slope.high + 0.05
         assert item.estimate.rejected == 0
-        assert item.rmse.shape == item.ssim.shape == (len(item.rmse), 9)
-    error = {item.strategy: item.rmse[:, -1].mean() for item in result.strategies}
+        assert item.curves.keys() == {"rmse", "mean_error", "ssim"}
+        assert {curve.shape for curve in item.curves.values()} == {(len(item.curves["rmse"]), 9)}
+    error = {item.strategy: item.score("rmse") for item in result.strategies}
     assert error["mixture"] < 0.5 * error["uniform"]
-    similarity = {item.strategy: item.ssim[:, -1].mean() for item in result.strategies}
+    similarity = {item.strategy: item.score("ssim") for item in result.strategies}
     assert similarity["mixture"] > similarity["uniform"]
 
 
@@ -56,7 +57,7 @@ def test_a_strategy_that_misses_light_is_warned_of_and_judged_biased(scene: Scen
     result = study(scene, ["phong"], spp=64, replicas=2, reference_spp=512)
     assert not result.strategies[0].suits
     assert "biased" in result.strategies[0].warning
-    assert len(result.strategies[0].rmse) == 2, "no replicas are added for a verdict that does not count"
+    assert len(result.strategies[0].curves["rmse"]) == 2, "no replicas are added for a verdict that does not count"
 
 
 def test_a_reference_brighter_by_two_percent_fails_the_tracer(scene: Scene, tmp_path: Path) -> None:
@@ -70,7 +71,7 @@ def test_a_study_read_back_from_its_batches_is_the_same(scene: Scene, tmp_path: 
     reference = Estimate.exact(np.full((36, 48, 3), 0.4))
     first, again = (study(scene, ["lobes"], spp=64, replicas=2, max_replicas=2, reference=reference,
                           store=Store(tmp_path)).strategies[0] for _ in range(2))
-    np.testing.assert_array_equal(first.rmse, again.rmse)
+    np.testing.assert_array_equal(first.curves["rmse"], again.curves["rmse"])
     np.testing.assert_array_equal(first.estimate.mean, again.estimate.mean)
     assert first.cpu_seconds_per_spp == again.cpu_seconds_per_spp
 

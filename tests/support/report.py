@@ -9,7 +9,7 @@ import numpy as np
 from harness import metrics
 from harness.policy import fail_level
 from harness.results import StrategyResult, StudyResult
-from harness.samples.estimate import Accumulator, Batch, Estimate, luminance
+from harness.samples.estimate import Accumulator, Batch, Estimate
 from harness.stats.bias import mean_error_verdict
 from harness.stats.convergence import fit_slope
 from harness.stats.findings import judge_tiles
@@ -52,29 +52,31 @@ def strategy_result(name: str, truth: np.ndarray, reference: Estimate, *, sigma:
     """One strategy whose samples have the relative standard deviation `sigma` and the relative bias `bias`."""
     random = np.random.default_rng(seed)
     prefixes = 2 ** np.arange(int(np.log2(spp)) + 1)
-    curves = np.empty((3, replicas, prefixes.size))
+    curves = {metric.name: np.empty((replicas, prefixes.size)) for metric in metrics.METRICS if metric.at_prefixes}
     for replica in range(replicas):
         total = np.zeros_like(truth)
         for index, prefix in enumerate(prefixes):
             more = prefix - (prefixes[index - 1] if index else 0)
             total += truth * (more * (1 + bias) + np.sqrt(more) * sigma * random.standard_normal(truth.shape))
             mean = total / prefix
-            error = luminance(mean).mean() / luminance(reference.mean).mean() - 1
-            curves[:, replica, index] = (metrics.rmse(mean, reference.mean, noise=reference.variance), error,
-                                         metrics.ssim(mean, reference.mean, exposure))
+            for metric, value in metrics.measure(mean, reference, exposure, at_prefixes=True).items():
+                curves[metric][replica, index] = value
     merged = noisy(truth, spp * replicas, sigma, random, bias, seconds=seconds)
     verdict = mean_error_verdict(merged.image_mean, merged.image_variance, merged.batches - 1, reference.image_mean,
                                  reference.image_variance, max(reference.batches - 1, 0) or np.inf)
     tile = tile_size(*truth.shape[:2])
     tiles = judge_tiles(tiles_of(merged, tile), tiles_of(reference, tile), Tolerance(), fail_level=fail_level(5),
                         pass_level=0.05)
-    rmse, mean_error, ssim = curves
     return StrategyResult(
-        strategy=name, suits=True, warning="", spp=prefixes, rmse=rmse, mean_error=mean_error, ssim=ssim,
-        estimate=merged, verdict=verdict, tiles=tiles,
-        slope=fit_slope(prefixes, rmse) if sigma else None,
-        flip=metrics.flip(merged.mean, reference.mean, exposure),
-        delta_e=metrics.delta_e2000(merged.mean, reference.mean, exposure), cpu_seconds_per_spp=seconds)
+        strategy=name, suits=True, warning="", spp=prefixes, curves=curves,
+        scores=metrics.measure(merged.mean, reference, exposure, at_prefixes=False),
+        estimate=merged, verdict=verdict, tiles=tiles, slope=fit_slope(prefixes, curves["rmse"]) if sigma else None,
+        cpu_seconds_per_spp=seconds)
+
+
+def with_curves(strategy: StrategyResult, **curves: np.ndarray) -> StrategyResult:
+    """The strategy with other curves of the metrics named."""
+    return replace(strategy, curves={**strategy.curves, **curves})
 
 
 def study_result(scene: str = "spheres", *, size: int = 32, spp: int = 64, replicas: int = 3, seed: int = 1,
@@ -118,6 +120,6 @@ def exact_study(scene: str = "furnace_convex", *, size: int = 32, spp: int = 64,
 
 
 def _provenance(scene: str, size: int, spp: int, replicas: int) -> dict[str, str]:
-    return {"mitsuba": "3.9.1", "numpy": "2.4.6", "GL renderer": "llvmpipe (LLVM 15.0.6, 256 bits)",
-            "GL version": "4.5", "scene file": f"{scene}.xml", "image size": f"{size} x {size}", "path vertices": "6",
+    return {"mitsuba": "3.9.1", "numpy": "2.4.6", "gl_renderer": "llvmpipe (LLVM 15.0.6, 256 bits)",
+            "gl_version": "4.5", "scene file": f"{scene}.xml", "image size": f"{size} x {size}", "path vertices": "6",
             "samples per pixel of each replica": str(spp), "replicas (seeds)": f"{replicas} (0 to {replicas - 1})"}

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from harness.report import pictures
-from harness.report.sections import best_strategy, scene_section
+from harness.report.blocks import Pictures
+from harness.report.chapters.scenes import best_strategy, scene_chapter
+from harness.report.figures import pictures
 from harness.results import StudyResult
+from tests.support.blocks import blocks
+from tests.support.report import with_curves
 
 
 def pixels(png: bytes) -> np.ndarray:
@@ -67,19 +70,18 @@ def test_a_render_is_encoded_at_its_exposure() -> None:
 
 def test_the_least_noisy_suitable_strategy_is_pictured(study: StudyResult) -> None:
     """phong has no noise at all here, but it does not suit; with nothing that suits, it is shown after all."""
-    silent = tuple(replace(s, rmse=s.rmse * 0) if s.strategy == "phong" else s for s in study.strategies)
-    section, assets = scene_section(replace(study, strategies=silent), "x")
-    assert [picture.title for picture in section.images.rows[0].pictures] == [
+    silent = tuple(with_curves(s, rmse=s.curves["rmse"] * 0) if s.strategy == "phong" else s for s in study.strategies)
+    shown = blocks(scene_chapter(replace(study, strategies=silent), "x", "x"), Pictures)[0].rows[0].pictures
+    assert [picture.title for picture in shown] == [
         "GLSL, mixture", "Mitsuba", "Relative difference", "FLIP"]
     mixture = study.strategies[-1].estimate.mean
-    assert assets["x-glsl.png"] == pictures.display_png(mixture, study.exposure)
-    assert assets["x-reference.png"] == pictures.display_png(study.reference.mean, study.exposure)
+    assert shown[0].file.content == pictures.display_png(mixture, study.exposure)
+    assert shown[1].file.content == pictures.display_png(study.reference.mean, study.exposure)
     assert best_strategy(replace(study, strategies=(study.strategies[2],))).strategy == "phong"
 
 
 def test_the_maps_of_all_strategies_share_scales_that_the_unsuitable_do_not_stretch(study: StudyResult) -> None:
-    with_phong, _ = scene_section(study, "x")
-    without, _ = scene_section(replace(study, strategies=tuple(s for s in study.strategies if s.suits)), "x")
-    assert with_phong.differences is not None and without.differences is not None
-    assert [row.bar for row in with_phong.differences.rows] == [row.bar for row in without.differences.rows]
-    assert [len(row.pictures) for row in with_phong.differences.rows] == [5, 5, 5]
+    suited = replace(study, strategies=tuple(s for s in study.strategies if s.suits))
+    with_phong, without = (blocks(scene_chapter(each, "x", "x"), Pictures)[1] for each in (study, suited))
+    assert [row.bar for row in with_phong.rows] == [row.bar for row in without.rows]
+    assert [len(row.pictures) for row in with_phong.rows] == [5, 5, 5]

@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from harness.report.content import Remark, Table
-from harness.report.formats import NBSP
-from harness.report.sections import scene_section
+from harness.report.blocks import Pictures, Remark, Remarks, Table
+from harness.report.chapters.scenes import scene_chapter
+from harness.report.chapters.summary import summary
+from harness.report.formats import MINUS, NBSP
 from harness.report.tables import accuracy_table, slope_mark, verdict_table
 from harness.report.tiles import tiles_table
-from harness.report.words import summary
 from harness.results import StrategyResult, StudyResult
 from harness.stats.findings import Tiles
+from tests.support.blocks import blocks
 
 
 def with_outcomes(study: StudyResult, **outcomes: str) -> StudyResult:
@@ -96,10 +97,11 @@ def test_the_least_sharp_pair_is_named_with_the_bias_it_would_have_shown(study: 
                for text in said(summary([replace(study, strategies=strategies)]), ""))
 
 
-@pytest.mark.parametrize(("slope", "half", "mark"), [
-    (-0.5, 0.01, "pass"), (-0.3, 0.01, "fail"), (-0.48, 0.05, "inconclusive")])
+@pytest.mark.parametrize(("slope", "half", "mark", "word"), [
+    (-0.5, 0.01, "pass", "yes"), (-0.3, 0.01, "fail", "no"), (-0.48, 0.05, "inconclusive", "not shown")])
 def test_slopes_are_judged_against_the_monte_carlo_rate(study: StudyResult, slope: float, half: float,
-                                                        mark: str) -> None:
+                                                        mark: str, word: str) -> None:
+    """In words of their own: whether a render passes is another question."""
     first = study.strategies[0]
     assert first.slope is not None
     fitted = replace(first, slope=replace(first.slope, slope=slope, low=slope - half, high=slope + half))
@@ -108,14 +110,18 @@ def test_slopes_are_judged_against_the_monte_carlo_rate(study: StudyResult, slop
     promised = next(remark for remark in found if remark.text.startswith("RMSE falls"))
     assert promised.mark == mark
     assert ("Not so: spheres with uniform." in promised.text) == (mark == "fail")
+    assert ("Not shown: spheres with uniform." in promised.text) == (mark == "inconclusive")
+    table = verdict_table([replace(study, strategies=(fitted,))], ["x"])
+    assert table.columns[-1].title == f"Slope\n{MINUS}1/2?"
+    assert (table.rows[0][-1].text, table.rows[0][-1].mark) == (word, mark)
 
 
 def test_a_run_without_noise_is_exact_and_one_too_short_to_fit_is_not(exact: StudyResult) -> None:
     cosine = exact.strategies[1]
     assert slope_mark(cosine) == "exact"
     assert any(remark.mark == "exact" for remark in summary([exact]))
-    short = replace(cosine, spp=cosine.spp[:2], rmse=cosine.rmse[:, :2], mean_error=cosine.mean_error[:, :2],
-                    ssim=cosine.ssim[:, :2])
+    short = replace(cosine, spp=cosine.spp[:2],
+                    curves={name: curve[:, :2] for name, curve in cosine.curves.items()})
     assert slope_mark(short) == ""
     assert "too few prefixes" in cells(verdict_table([replace(exact, strategies=(short,))], ["x"]), 0)
 
@@ -169,18 +175,22 @@ class TestTiles:
             return replace(item, tiles=Tiles(*tiles))
         return replace(with_outcomes(study), strategies=tuple(map(changed, with_outcomes(study).strategies)))
 
+    @staticmethod
+    def reasons(study: StudyResult) -> tuple[Remark, ...]:
+        """The verdicts in words, of the scene's own pages."""
+        return blocks(scene_chapter(study, "x", "x"), Remarks)[1].items
+
     def test_a_failure_is_named_in_the_summary_and_told_on_the_scenes_page(self, study: StudyResult) -> None:
         failed = self.with_tiles(study, "fail", "inconclusive")
         assert said(summary([failed]), "fail")[0].startswith(
             "In 1 of 4 pairs some tile differs from the reference by more than its tolerance: spheres with mixture (")
-        section, _ = scene_section(failed, "x")
-        assert said(section.reasons, "fail") == [
+        assert said(self.reasons(failed), "fail") == [
             "mixture, tiles of 8 px: the tile at x=4, y=2: red −3 % lies outside."]
 
     def test_of_a_strategy_that_does_not_suit_counts_for_nothing(self, study: StudyResult) -> None:
         failed = self.with_tiles(study, "fail", "fail", "phong")
         assert said(summary([failed]), "fail") == []
-        assert said(scene_section(failed, "x")[0].reasons, "fail") == []
+        assert said(self.reasons(failed), "fail") == []
         row = next(row for row in tiles_table(failed).rows if row[0].text == "phong")
         assert [cell.mark for cell in row if cell.mark] == ["warning"]
 
@@ -216,9 +226,10 @@ class TestTiles:
         z = np.zeros_like(item.tiles.fine.z)
         z[0, -1] = item.tiles.fine.critical
         marked = replace(item, tiles=replace(item.tiles, fine=replace(item.tiles.fine, z=z)))
-        section, assets = scene_section(replace(study, strategies=(marked,)), "x")
-        assert section.differences is None and section.images.rows[0].pictures[-1].title == "Smaller tiles"
-        pixels = np.asarray(Image.open(io.BytesIO(assets["x-deviates-mixture.png"])).convert("RGB"), dtype=float)
+        images, = blocks(scene_chapter(replace(study, strategies=(marked,)), "x", "x"), Pictures)
+        shown = images.rows[0].pictures[-1]
+        assert (shown.title, shown.file.name) == ("Smaller tiles", "x-deviates-mixture.png")
+        pixels = np.asarray(Image.open(io.BytesIO(shown.file.content)).convert("RGB"), dtype=float)
         assert pixels.shape == (32, 32, 3)
         red = pixels[..., 0] - pixels[..., 2]
         assert (red[:2, -2:] > 50).all() and abs(np.delete(red, slice(30, 32), axis=1)).max() < 5

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from harness.report.figures.style import GUIDE_COLOUR, TOLERANCE_COLOUR, strategy_style
+from harness.report.figures.svg import blank, svg
 from harness.report.formats import MINUS, number
-from harness.report.style import GUIDE_COLOUR, RC, TOLERANCE_COLOUR, strategy_style
 from harness.results import StrategyResult, StudyResult
 from harness.stats.convergence import band
 
-_CM = 1 / 2.54
 WIDTH_CM, HEIGHT_CM = 17.0, 7.2  # the page's text width; the figure is printed at its own size
 
 LEGEND_COLUMNS = 3
@@ -31,12 +28,7 @@ _DODGE = 1.12
 
 def curves_svg(result: StudyResult) -> bytes:
     """`curves` as SVG, its text in text elements; the same bytes for the same result."""
-    settings: Any = {**RC, "svg.hashsalt": result.scene}  # without a salt, names in the file are random
-    with matplotlib.rc_context(settings):
-        figure = curves(result)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
+    return svg(lambda: curves(result), result.scene)
 
 
 def curves(result: StudyResult) -> Figure:
@@ -45,8 +37,7 @@ def curves(result: StudyResult) -> Figure:
     Bands are Student confidence intervals over the replicas, at the confidence of the scene's verdicts; error bars
     in the middle panel are the verdict's own interval, of the estimate that merges all replicas.
     """
-    figure = Figure(figsize=(WIDTH_CM * _CM, HEIGHT_CM * _CM))
-    FigureCanvasSVG(figure)
+    figure = blank(WIDTH_CM, HEIGHT_CM)
     panels = figure.subplots(1, 3)
     figure.subplots_adjust(left=0.055, right=0.985, bottom=0.13, top=0.78, wspace=0.27)
     _rmse_panel(panels[0], result)
@@ -61,7 +52,7 @@ def _rmse_panel(axes: Axes, result: StudyResult) -> None:
     """RMSE on log-log axes over grey diagonals of slope -1/2."""
     _spp_axis(axes, result)
     axes.set_yscale("log")
-    _draw_bands(axes, result, lambda strategy: strategy.rmse, log=True)
+    _draw_bands(axes, result, lambda strategy: strategy.curves["rmse"], log=True)
     _slope_guides(axes)
     axes.yaxis.set_major_locator(FixedLocator(_log_ticks(*axes.get_ylim())))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
@@ -76,11 +67,10 @@ def _mean_error_panel(axes: Axes, result: StudyResult) -> None:
     axes.set_yscale("symlog", linthresh=tolerance, linscale=1.0)
     axes.axhspan(-tolerance, tolerance, color=TOLERANCE_COLOUR, linewidth=0, zorder=0)
     axes.axhline(0, color="#888888", linewidth=0.5, zorder=1)
-    _draw_bands(axes, result, lambda strategy: 100 * strategy.mean_error, log=False)
+    _draw_bands(axes, result, lambda strategy: 100 * strategy.curves["mean_error"], log=False)
     middle = (len(result.strategies) - 1) / 2
     for index, strategy in enumerate(result.strategies):
-        value, low, high = (100 * float(bound[3]) for bound in (
-            strategy.verdict.error, strategy.verdict.low, strategy.verdict.high))
+        value, low, high = (100 * bound for bound in strategy.verdict.luminance)
         style = strategy_style(strategy.strategy)
         x = max(strategy.estimate.samples, 1) * _DODGE ** (2 * (index - middle))
         if np.isfinite([low, high]).all():
@@ -102,7 +92,7 @@ def _ssim_panel(axes: Axes, result: StudyResult) -> None:
     """SSIM with 1 - SSIM on a log axis turned upside down: every nine gained is one step up."""
     _spp_axis(axes, result)
     axes.set_yscale("log")
-    _draw_bands(axes, result, lambda strategy: 1 - strategy.ssim, log=True)
+    _draw_bands(axes, result, lambda strategy: 1 - strategy.curves["ssim"], log=True)
     axes.invert_yaxis()
     low, high = sorted(axes.get_ylim())
     axes.set_ylim(min(high, 1.5), low)

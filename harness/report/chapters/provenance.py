@@ -1,17 +1,27 @@
-"""Where the numbers come from: versions, machine, seeds, hashes, timings and the benchmark, as tables."""
+"""Where the numbers come from: versions, machine, seeds, hashes and timings, as tables."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from harness.errors import StoreError
 from harness.report import formats
-from harness.report.content import Cell, Column, Mark, Table
+from harness.report.blocks import Cell, Chapter, Column, Table
+from harness.report.inputs import Inputs
 from harness.results import StudyResult
+from harness.stats.channels import Channel
+
+PLACE = 70
+TITLE, ANCHOR = "Provenance", "provenance"
+
+
+def chapters(inputs: Inputs) -> Iterator[Chapter]:
+    """The chapter; it begins no page of its own where speed has begun one."""
+    tables = provenance_tables(inputs.results, inputs.profile, inputs.elapsed)
+    yield Chapter(TITLE, ANCHOR, tuple(replace(table, long=True) for table in tables), follows_on=bool(inputs.bench))
 
 
 def provenance_tables(results: Sequence[StudyResult], profile: str, elapsed: Mapping[str, float]) -> tuple[Table, ...]:
@@ -63,7 +73,7 @@ def _reference_table(results: Sequence[StudyResult]) -> Table:
     rows = []
     for result in results:
         reference = result.reference
-        mean, variance = float(reference.image_mean[3]), float(reference.image_variance[3])
+        mean, variance = (float(each[Channel.LUMINANCE]) for each in (reference.image_mean, reference.image_variance))
         error = np.sqrt(variance) / abs(mean) if mean else np.nan
         rows.append((Cell(result.scene), Cell(result.reference_kind),
                      Cell(formats.count(reference.samples) if reference.samples else "exact", ""),
@@ -78,36 +88,3 @@ def _reference_table(results: Sequence[StudyResult]) -> Table:
                Column("Batches", "right"), Column("Mean", "right"), Column("Standard\nerror", "right"),
                Column("Rejected", "right"), Column("CPU time", "right"))
     return Table(caption, columns, tuple(rows))
-
-
-def speed_table(bench: Mapping[str, Any]) -> Table:
-    """The benchmark as a table, from what `bench.save` writes: `rows`, one a measured case.
-
-    StoreError when `bench` is not of that form.
-    """
-    try:
-        rows = [_speed_row(row) for row in bench["rows"]]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise StoreError(f"benchmark results: {type(error).__name__} at {error}; run the benchmark again") from error
-    caption = (
-        "Speed: millions of samples (paths) per second of CPU time, the GLSL tracer and what it is measured against in "
-        "turns in one run on the same cores. Medians over the rounds; of their ratio also the extremes. path: "
-        "Mitsuba's own path tracer, which samples light sources as well; bsdf_path: the tracer's algorithm as a "
-        "Mitsuba integrator; no lens, no motion: the tracer itself on the same scene without it. "
-        "Elapsed: the ratio by wall clock. Equal error: the ratio of 1 / (variance × CPU time), how much sooner the "
-        "tracer reaches the same error.")
-    columns = (Column("Scene", share=1), Column("Strategy"), Column("Against"), Column("GLSL\nM/s", "right"),
-               Column("Other\nM/s", "right"), Column("Ratio", "right"), Column("Target", "right"),
-               Column("Verdict"), Column("Elapsed", "right"), Column("Equal\nerror", "right"))
-    return Table(caption, columns, tuple(rows))
-
-
-def _speed_row(row: Mapping[str, Any]) -> tuple[Cell, ...]:
-    value, low, high, needed = (float(row[name]) for name in ("ratio", "low", "high", "needed"))
-    mark: Mark = "pass" if value >= needed else "fail"
-    rates = (Cell(formats.significant(float(row[name]))) for name in ("tracer_rate", "opponent_rate"))
-    others = (Cell(f"{formats.significant(float(row[name]), 2)}{formats.TIMES}")
-              for name in ("wall_ratio", "efficiency_ratio"))
-    return (Cell(str(row["scene"])), Cell(str(row["strategy"])), Cell(str(row["opponent"])), *rates,
-            Cell(formats.ratio(value, low, high)), Cell(f"≥{formats.NBSP}{needed:g}{formats.TIMES}"),
-            Cell("reached" if mark == "pass" else "missed", mark), *others)

@@ -2,34 +2,42 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import re
 from pathlib import Path
 
 import pytest
 
-from harness.report import build_report
-from harness.report.calibration import FIGURE_FILE, calibration_chapter
-from harness.report.content import CalibrationChapter, SuiteSection
-from harness.report.suite import suite_section
+from harness.report import Inputs, build_report
+from harness.report.blocks import Chapter, Curves, Remark, Remarks, Table
+from harness.report.chapters.calibration import ANCHOR, FIGURE_FILE, chapters
+from harness.report.suite import suite_blocks
 from harness.results import StudyResult
 from harness.stats.calibration import SUBJECTS
+from tests.support.blocks import blocks
 from tests.support.calibration import calibration
+from tests.support.report import exact_study
 
 
-def chapter(excessive: int = 0) -> CalibrationChapter:
-    found, assets = calibration_chapter(calibration(excessive))
-    assert found is not None and list(assets) == [FIGURE_FILE]
+def chapter(excessive: int = 0) -> Chapter:
+    found, = chapters(Inputs([exact_study()], "quick", calibration=calibration(excessive)))
     return found
 
 
-def test_nothing_measured_is_no_chapter() -> None:
-    assert calibration_chapter(None) == (None, {})
+def remarks(excessive: int = 0) -> tuple[Remark, ...]:
+    return blocks(chapter(excessive), Remarks)[0].items
+
+
+def alarms(excessive: int = 0) -> Table:
+    return blocks(chapter(excessive), Table)[0]
+
+
+def test_nothing_measured_is_no_chapter(exact: StudyResult) -> None:
+    assert not list(chapters(Inputs([exact], "quick")))
 
 
 def test_the_table_has_a_rate_with_its_interval_for_every_case_level_and_test() -> None:
-    table = chapter().alarms
+    table = alarms()
     assert len(table.rows) == 2 * 2, "at 0.1 % nothing was to be expected of 300"
     first, second = table.rows[:2]
     assert [cell.text for cell in first[:3]] == ["normal / normal", "5", "5.0\xa0[2.8,\xa08.1]"]
@@ -39,48 +47,49 @@ def test_the_table_has_a_rate_with_its_interval_for_every_case_level_and_test() 
 
 @pytest.mark.parametrize(("excessive", "mark"), [(0, "pass"), (30, "fail")])
 def test_a_rate_that_is_too_high_is_marked_and_told(excessive: int, mark: str) -> None:
-    found = chapter(excessive)
-    assert found.remarks[0].mark == mark
-    assert f"{int(excessive > 0)} lie above" in found.remarks[0].text
-    assert [cell.mark for row in found.alarms.rows for cell in row].count("fail") == int(excessive > 0)
+    first = remarks(excessive)[0]
+    assert first.mark == mark
+    assert f"{int(excessive > 0)} lie above" in first.text
+    assert [cell.mark for row in alarms(excessive).rows for cell in row].count("fail") == int(excessive > 0)
 
 
 def test_power_is_told_at_the_tolerance_and_where_it_is_sure() -> None:
-    texts = " ".join(remark.text for remark in chapter().remarks).replace("\xa0", " ")
+    texts = " ".join(remark.text for remark in remarks()).replace("\xa0", " ")
     assert "(0.200 %) passed in 0 of 60" in texts
     assert "one of 3.0 % failed in 60 of 60" in texts
     assert "a good render passed in 60 of 60 and failed in 0, after 75 % of the budget" in texts
 
 
 def test_the_figure_holds_both_outcomes_and_every_case_without_tolerance() -> None:
-    _, assets = calibration_chapter(calibration())
-    texts = re.findall(r"<text[^>]*>(.*?)</text>", assets[FIGURE_FILE].decode())
+    curves, = blocks(chapter(), Curves)
+    texts = re.findall(r"<text[^>]*>(.*?)</text>", curves.file.content.decode())
     assert {"passed", "failed", "box"} <= set(texts)
-    assert assets == calibration_chapter(calibration())[1], "the same bytes again"
+    assert blocks(chapter(), Curves) == [curves], "the same bytes again"
 
 
 class TestSuite:
     """The section on the gates themselves."""
 
-    def section(self, failed: int = 2) -> SuiteSection:
-        return suite_section(calibration(failed=failed).suite)
+    def gates(self) -> Table:
+        return next(block for block in suite_blocks(calibration().suite) if isinstance(block, Table))
 
     def test_every_gate_has_its_rates_and_its_power(self) -> None:
-        sharp, blind = self.section().gates.rows
+        sharp, blind = self.gates().rows
         assert [cell.text.replace("\xa0", " ") for cell in sharp] == [
             "sharp", "0.2", "0.0", "25", *["100 / 40"] * 4, "0.15 %", "4.5 %"]
         assert [cell.text.replace("\xa0", " ") for cell in blind] == [
             "blind", "0.0", "1.0", "75", *["10 / 0"] * 4, "0.50 %", "–"]
-        assert len(self.section().gates.columns) == len(sharp)
+        assert len(self.gates().columns) == len(sharp)
 
     def test_what_keeps_the_promise_and_what_is_flaky_is_marked(self) -> None:
-        sharp, blind = self.section().gates.rows
+        sharp, blind = self.gates().rows
         assert [cell.mark for cell in sharp] == [*[""] * 8, "pass", "pass"]
         assert [cell.mark for cell in blind] == ["", "", "warning", *[""] * 7]
 
     @pytest.mark.parametrize(("failed", "mark"), [(2, "pass"), (30, "fail")])
     def test_false_alarms_are_told_and_judged(self, failed: int, mark: str) -> None:
-        alarms, red, flaky, everywhere, patch = self.section(failed).remarks
+        alarms, red, flaky, everywhere, patch = next(
+            block.items for block in suite_blocks(calibration(failed=failed).suite) if isinstance(block, Remarks))
         assert alarms.mark == mark and f"in {failed}\xa0runs of 1,000 one of the 2\xa0gates failed" in alarms.text
         assert red.mark == "warning" and f"in {failed + 10}\xa0runs of 1,000" in red.text
         assert flaky.text.endswith("wider tolerances: blind (1.0\xa0%).")
@@ -89,11 +98,12 @@ class TestSuite:
 
 
 def test_it_stands_in_the_pdf_and_the_page(exact: StudyResult, tmp_path: Path) -> None:
-    build_report([exact], tmp_path, profile="quick", calibration=calibration())
+    build_report(Inputs([exact], "quick", calibration=calibration()), tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert '<h2 id="calibration">How far the verdicts can be trusted</h2>' in page
-    assert "<h3>The gates themselves</h3>" in page and "wider tolerances: blind" in page
+    assert '<h3 id="gates">The gates themselves</h3>' in page and "wider tolerances: blind" in page
     assert "5.0\xa0[2.8,\xa08.1]" in page and "normal, to a decision" in page
-    held = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))["calibration"]
-    assert held["alarms"]["caption"] == dataclasses.asdict(chapter())["alarms"]["caption"]
+    held = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))["chapters"]
+    told = next(each for each in held if each["anchor"] == ANCHOR)
+    assert alarms().caption in [block["caption"] for block in told["blocks"] if block["kind"] == "Table"]
     assert (tmp_path / "figures" / FIGURE_FILE).is_file() and (tmp_path / "report.pdf").is_file()

@@ -2,44 +2,38 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from harness.report.style import RC
+from harness.report.figures.svg import blank, svg
 from harness.stats.calibration import Power
 from harness.stats.rates import Rate
 
-_CM = 1 / 2.54
 WIDTH_CM, HEIGHT_CM = 17.0, 5.5
 # Of the palette of Okabe and Ito, as in `style`.
 _PASSED, _FAILED = "#009e73", "#d55e00"
 _CASES = ("#0072b2", "#e69f00", "#cc79a7", "#56b4e9", "#000000")
 
 
-def calibration_svg(powers: Sequence[Power]) -> tuple[bytes, list[str]]:
+def power_svg(powers: Sequence[Power]) -> tuple[bytes, list[str]]:
     """The figure as SVG, and the names of the cases without tolerance, in the order of its colours."""
     names = list(dict.fromkeys(each.case for each in powers if each.tolerance == 0))
-    settings: Any = {**RC, "svg.hashsalt": "calibration"}
-    with matplotlib.rc_context(settings):
-        figure = Figure(figsize=(WIDTH_CM * _CM, HEIGHT_CM * _CM))
-        FigureCanvasSVG(figure)
-        panels = figure.subplots(1, 3, sharey=True)
-        figure.subplots_adjust(left=0.05, right=0.985, bottom=0.18, top=0.9, wspace=0.1)
-        for axes, where, title in ((panels[0], "everywhere", "Gain of everything"),
-                                   (panels[1], "patch", "Gain in 1 % of the image")):
-            _decided(axes, [each for each in powers if each.tolerance > 0 and each.where == where], title)
-        _found(panels[2], powers, names)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return buffer.getvalue(), names
+    return svg(lambda: _panels(powers, names), "calibration"), names
+
+
+def _panels(powers: Sequence[Power], names: Sequence[str]) -> Figure:
+    figure = blank(WIDTH_CM, HEIGHT_CM)
+    panels = figure.subplots(1, 3, sharey=True)
+    figure.subplots_adjust(left=0.05, right=0.985, bottom=0.18, top=0.9, wspace=0.1)
+    for axes, where, title in ((panels[0], "everywhere", "Gain of everything"),
+                               (panels[1], "patch", "Gain in 1 % of the image")):
+        _decided(axes, [each for each in powers if each.tolerance > 0 and each.where == where], title)
+    _found(panels[2], powers, names)
+    return figure
 
 
 def _decided(axes: Axes, powers: Sequence[Power], title: str) -> None:

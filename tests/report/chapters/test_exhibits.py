@@ -13,10 +13,14 @@ import pytest
 import typst
 
 from harness.files import data_dir
-from harness.report.document import compose, document_json
-from harness.report.exhibits import ANCHOR, TITLE, exhibits_chapter
-from harness.report.html import html_page
+from harness.report import Inputs
+from harness.report.blocks import Chapter, Curves, Document, Pictures, Table
+from harness.report.chapters.exhibits import ANCHOR, TITLE, chapters
+from harness.report.document import compose
+from harness.report.pages.html import html_page
 from harness.results import Exhibit, ExhibitImage, Finding, Plot, Series, StudyResult
+from tests.support.blocks import blocks
+from tests.support.report import exact_study
 
 RNG = np.random.default_rng(1)
 RENDER = RNG.random((12, 16, 3))
@@ -40,19 +44,26 @@ MAPS = dataclasses.replace(
 BARE = dataclasses.replace(MAPS, id="third", title="Words", images=())
 
 
+def chapter(*exhibits: Exhibit) -> Chapter:
+    found, = chapters(Inputs([exact_study()], "quick", exhibits=exhibits))
+    return found
+
+
+def composed(study: StudyResult, *exhibits: Exhibit) -> Document:
+    return compose(Inputs([study], "quick", exhibits=exhibits))
+
+
 def test_without_exhibits_there_is_no_chapter(study: StudyResult) -> None:
-    assert exhibits_chapter([]) == (None, {})
-    document = compose([study], profile="quick")
-    assert document.exhibits is None
-    assert TITLE not in html_page(document)
+    assert not list(chapters(Inputs([study], "quick")))
+    assert TITLE not in html_page(composed(study))
 
 
 def test_the_chapter_is_set_without_a_warning(study: StudyResult, tmp_path: Path) -> None:
     """A chapter of its own with one section an exhibit, on paper."""
-    document = compose([study], profile="quick", exhibits=[EXHIBIT, MAPS, BARE])
-    for name, content in document.assets.items():
+    document = composed(study, EXHIBIT, MAPS, BARE)
+    for name, content in document.assets().items():
         (tmp_path / name).write_bytes(content)
-    (tmp_path / "report.json").write_text(document_json(document), encoding="utf-8")
+    (tmp_path / "report.json").write_text(document.json(), encoding="utf-8")
     (tmp_path / "main.typ").write_bytes((data_dir("reports") / "report.typ").read_bytes())
     settings: dict[str, Any] = {"root": str(tmp_path), "font_paths": [f"{matplotlib.get_data_path()}/fonts/ttf"],
                                 "ignore_system_fonts": True}
@@ -70,7 +81,7 @@ def test_the_chapter_is_set_without_a_warning(study: StudyResult, tmp_path: Path
 
 def test_the_page_holds_every_word(study: StudyResult) -> None:
     """Code escaped and unwrapped, the compiler's message, effect and advice, each number in its unit."""
-    page = html_page(compose([study], profile="quick", exhibits=[EXHIBIT, MAPS]))
+    page = html_page(composed(study, EXHIBIT, MAPS))
     for words in ("<pre>a / (PI * PI)\nb &lt; c</pre>", "course/first.glsl:3: no",
                   "Too bright by −57\u00a0% &amp; more.", "Integrate it.", f'href="#{ANCHOR}"',
                   'href="#exhibit-first"', 'id="exhibit-first"', "0.637", "−0.440\u00a0%", "65\u00a0%", "1,081,287",
@@ -80,9 +91,7 @@ def test_the_page_holds_every_word(study: StudyResult) -> None:
 
 
 def test_the_overview_tells_what_found_an_error_and_what_did_not() -> None:
-    chapter, _ = exhibits_chapter([EXHIBIT, MAPS])
-    assert chapter
-    first, second = chapter.overview.rows
+    first, second = blocks(chapter(EXHIBIT, MAPS), Table)[0].rows
     assert [cell.text for cell in first] == [
         EXHIBIT.title, "−57\u00a0% of it", "pdf integral, mean error, distinct values, compilation", "finite samples",
         "fail"]
@@ -91,38 +100,31 @@ def test_the_overview_tells_what_found_an_error_and_what_did_not() -> None:
 
 def test_findings_are_marked_by_who_noticed() -> None:
     """✗ where the check objects to the handout's formula; ours is ✓, or ✗ where a check objects to it."""
-    chapter, _ = exhibits_chapter([EXHIBIT])
-    assert chapter
-    table = chapter.sections[0].findings
+    table = blocks(chapter(EXHIBIT), Table)[1]
     assert [(row[2].mark, row[3].mark) for row in table.rows] == [
         ("fail", "pass"), ("fail", "fail"), ("fail", "pass"), ("", "pass"), ("fail", "pass")]
     assert table.rules == (0,)
 
 
 def test_one_map_stands_beside_the_renders_and_several_below_on_one_scale() -> None:
-    chapter, assets = exhibits_chapter([EXHIBIT, MAPS])
-    assert chapter
-    first, second = (section.pictures for section in chapter.sections)
-    assert first and second
+    first, second = blocks(chapter(EXHIBIT, MAPS), Pictures)
     assert [picture.title for row in first.rows for picture in row.pictures] == ["Handout", "Ours", "Map"]
     assert first.rows[0].pictures[2].bar and "%" in first.rows[0].pictures[2].bar.labels[2]
     assert len(second.rows) == 1 and second.rows[0].bar and second.rows[0].bar.labels[2] == "+3\u00a0σ"
     files = [picture.file for figure in (first, second) for row in figure.rows for picture in row.pictures]
-    assert len(set(files)) == 5 and all(assets[file].startswith(b"\x89PNG") for file in files)
+    assert len({file.name for file in files}) == 5 and all(file.content.startswith(b"\x89PNG") for file in files)
 
 
 def test_curves_are_told_apart_in_the_caption() -> None:
-    chapter, assets = exhibits_chapter([EXHIBIT, BARE])
-    assert chapter
-    curves = chapter.sections[0].curves
-    assert curves
+    found = chapter(EXHIBIT, BARE)
+    curves, = blocks(found, Curves)
     assert curves.caption.endswith("Orange triangles: handout. Blue dots: ours.")
-    svg = assets[curves.file].decode()
+    svg = curves.file.content.decode()
     assert all(f">{text}<" in svg for text in ("RMSE", "passes", "B", "x"))
-    assert chapter.sections[1].curves is None and chapter.sections[1].pictures is None
+    assert len(blocks(found, Pictures)) == 1, "words alone have no pictures"
 
 
 @pytest.mark.parametrize("field", ["title", "handout", "right", "effect", "advice"])
 def test_a_changed_word_changes_the_page(study: StudyResult, field: str) -> None:
     changed = dataclasses.replace(BARE, **{field: "Something else."})
-    assert "Something else." in document_json(compose([study], profile="quick", exhibits=[changed]))
+    assert "Something else." in composed(study, changed).json()

@@ -1,67 +1,76 @@
-"""One scene's section: description, images, curves and tables, and the assets that they show."""
+"""A chapter a scene: description, images, curves and tables."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from harness.report import formats, pictures
-from harness.report.content import (
-    Bar,
-    CurveFigure,
+from harness.report import formats
+from harness.report.bars import flip_bar, signed_bar
+from harness.report.blocks import (
+    Asset,
+    Block,
+    Chapter,
+    Curves,
+    Facts,
+    Heading,
     Mark,
+    Paragraph,
     Picture,
-    PictureFigure,
     PictureRow,
+    Pictures,
     Remark,
-    SceneSection,
+    Remarks,
     Swatch,
 )
-from harness.report.figures import curves_svg
-from harness.report.style import strategy_style
-from harness.report.tables import LUMINANCE, accuracy_table, cost_table, is_exact
+from harness.report.figures import pictures
+from harness.report.figures.convergence import curves_svg
+from harness.report.figures.style import strategy_style
+from harness.report.inputs import Inputs
+from harness.report.tables import accuracy_table, cost_table, is_exact
 from harness.report.tiles import deviates_row, deviates_words, failures, tiles_table
 from harness.results import StrategyResult, StudyResult
+from harness.stats.channels import Channel
 from harness.stats.limit import limit_error
 from harness.studies.equal_error import equal_error
 
-Assets = dict[str, bytes]
-
-DIFFERENCE_BAR, FLIP_BAR = "bar-difference.png", "bar-flip.png"
+PLACE = 20
 
 # The finest colour scales worth drawing: below them a map shows rounding, not noise.
 _FINEST_DIFFERENCE = 1e-4
 _FINEST_FLIP = 1e-3
 
 
-def shared_assets() -> Assets:
-    """The colour bars that all scenes use."""
-    return {DIFFERENCE_BAR: pictures.bar_png(pictures.DIFFERENCE_MAP), FLIP_BAR: pictures.bar_png(pictures.FLIP_MAP)}
+def chapters(inputs: Inputs) -> Iterator[Chapter]:
+    """One chapter a scene."""
+    for result, stem, anchor in zip(inputs.results, inputs.stems, inputs.anchors, strict=True):
+        yield scene_chapter(result, stem, anchor)
 
 
-def scene_section(result: StudyResult, stem: str) -> tuple[SceneSection, Assets]:
-    """The section of one scene, and its PNG and SVG files; `stem` begins their names and is the section's anchor."""
-    assets: Assets = {}
+def scene_chapter(result: StudyResult, stem: str, anchor: str) -> Chapter:
+    """The chapter on one scene; `stem` begins the names of its pictures."""
     maps = {s.strategy: (pictures.difference_map(s.estimate.mean, result.reference.mean),
                          pictures.perceived_map(s.estimate.mean, result.reference.mean, result.exposure))
             for s in result.strategies}
     equal = equal_error(result)
-    section = SceneSection(
-        name=result.scene, anchor=stem, description=_paragraphs(result.description), facts=_facts(result),
-        remarks=_remarks(result), images=_images(result, best_strategy(result), maps, stem, assets),
-        differences=_differences(result, maps, stem, assets) if len(result.strategies) > 1 else None,
-        curves=_curves(result, stem, assets), accuracy=accuracy_table(result), reasons=_reasons(result),
-        tiles=tiles_table(result),
-        cost=cost_table(result, equal) if equal else None)
-    return section, assets
+    blocks: list[Block] = [
+        *map(Paragraph, _paragraphs(result.description)), Facts(_facts(result)), Remarks(_remarks(result)),
+        _images(result, best_strategy(result), maps, stem), _curves(result, stem), accuracy_table(result),
+        Heading("The verdicts in words"), Remarks(_reasons(result), small=True), tiles_table(result)]
+    if equal:
+        blocks.append(cost_table(result, equal))
+    if len(result.strategies) > 1:
+        blocks.append(_differences(result, maps, stem))
+    return Chapter(result.scene, anchor, tuple(blocks))
 
 
 def best_strategy(result: StudyResult) -> StrategyResult:
     """The suitable strategy with the least RMSE at the end of its run; any strategy where none suits."""
     candidates = [strategy for strategy in result.strategies if strategy.suits] or list(result.strategies)
-    return min(candidates, key=lambda strategy: float(np.nan_to_num(strategy.rmse[:, -1].mean(), nan=np.inf)))
+    return min(candidates, key=lambda strategy: float(np.nan_to_num(strategy.score("rmse"), nan=np.inf)))
 
 
 def _paragraphs(text: str) -> tuple[str, ...]:
@@ -73,7 +82,7 @@ def _facts(result: StudyResult) -> tuple[str, ...]:
     height, width = result.reference.mean.shape[:2]
     reference = result.reference
     spp = f", {formats.count(reference.samples)} samples per pixel" if reference.samples else ""
-    replicas = [strategy.rmse.shape[0] for strategy in result.strategies]
+    replicas = [strategy.curves["rmse"].shape[0] for strategy in result.strategies]
     lengths = [int(strategy.spp[-1]) for strategy in result.strategies]
     return (f"{width} × {height} pixels", f"reference: {result.reference_kind}{spp}",
             f"each strategy: {formats.span(replicas, 'replica')} of {formats.span(lengths, 'sample')} per pixel",
@@ -99,7 +108,7 @@ def _reasons(result: StudyResult) -> tuple[Remark, ...]:
     remarks = []
     for strategy in result.strategies:
         mark: Mark = strategy.verdict.outcome if strategy.suits else "warning"
-        dof = float(strategy.verdict.dof[LUMINANCE])
+        dof = float(strategy.verdict.dof[Channel.LUMINANCE])
         known = f" ({formats.count(dof)} degrees of freedom in luminance)" if np.isfinite(dof) else ""
         remarks.append(Remark(f"{strategy.strategy}: {formats.typographic(strategy.verdict.reason)}{known}."
                               f"{_limit_words(strategy, result)}", mark))
@@ -121,36 +130,37 @@ def _limit_words(strategy: StrategyResult, result: StudyResult) -> str:
 Maps = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
-def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str, assets: Assets) -> PictureFigure:
+def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str) -> Pictures:
     """GLSL, reference, signed difference and FLIP of the least noisy strategy; of the only one also its tiles."""
     reference = result.reference.mean
     difference, perceived = maps[best.strategy]
     limit = pictures.robust_limit([difference], _FINEST_DIFFERENCE)
     flip_limit = min(pictures.robust_limit([perceived], _FINEST_FLIP), 1.0)
-    files = {name: f"{stem}-{name}.png" for name in ("glsl", "reference", "difference", "flip")}
-    assets[files["glsl"]] = pictures.display_png(best.estimate.mean, result.exposure)
-    assets[files["reference"]] = pictures.display_png(reference, result.exposure)
-    assets[files["difference"]] = pictures.difference_png(difference, limit)
-    assets[files["flip"]] = pictures.perceived_png(perceived, flip_limit)
+    files = {name: Asset(f"{stem}-{name}.png", content) for name, content in (
+        ("glsl", pictures.display_png(best.estimate.mean, result.exposure)),
+        ("reference", pictures.display_png(reference, result.exposure)),
+        ("difference", pictures.difference_png(difference, limit)),
+        ("flip", pictures.perceived_png(perceived, flip_limit)))}
     caption = (f"{result.scene}: the GLSL estimate ({best.strategy}, {formats.count(best.estimate.samples)} samples "
                f"per pixel) and the reference ({result.reference_kind}), both at the scene's fixed exposure and "
                f"sRGB-encoded; their signed relative difference in luminance, blue where GLSL is darker, red where it "
-               f"is brighter; and the FLIP map, mean {formats.number(best.flip, 4)}. {_scale_words(reference)}")
+               f"is brighter; and the FLIP map, mean {formats.number(best.score('flip'), 4)}. "
+               f"{_scale_words(reference)}")
     tiles: tuple[Picture, ...] = ()
     if len(result.strategies) == 1:
-        row = deviates_row(result, stem, DIFFERENCE_BAR, assets)
+        row = deviates_row(result, stem)
         tiles = (replace(row.pictures[0], title="Smaller tiles", bar=row.bar),)
         caption += f" {deviates_words(result)}"
-    return PictureFigure(caption, (PictureRow((
+    return Pictures(caption, (PictureRow((
         Picture(files["glsl"], f"GLSL, {best.strategy}", f"GLSL render of {result.scene}"),
         Picture(files["reference"], _reference_title(result), f"Reference render of {result.scene}"),
         Picture(files["difference"], "Relative difference", f"Signed relative difference, within ±{limit:g}",
-                _difference_bar(limit)),
-        Picture(files["flip"], "FLIP", f"FLIP map from 0 to {flip_limit:g}", _flip_bar(flip_limit)),
+                signed_bar(formats.share(limit))),
+        Picture(files["flip"], "FLIP", f"FLIP map from 0 to {flip_limit:g}", flip_bar(flip_limit)),
         *tiles)),))
 
 
-def _differences(result: StudyResult, maps: Maps, stem: str, assets: Assets) -> PictureFigure:
+def _differences(result: StudyResult, maps: Maps, stem: str) -> Pictures:
     """Signed difference, FLIP and deviates of tiles of every strategy, on scales that they share."""
     suited = [maps[s.strategy] for s in result.strategies if s.suits] or list(maps.values())
     limit = pictures.robust_limit([difference for difference, _ in suited], _FINEST_DIFFERENCE)
@@ -159,9 +169,8 @@ def _differences(result: StudyResult, maps: Maps, stem: str, assets: Assets) -> 
     for strategy in result.strategies:
         name, style = strategy.strategy, strategy_style(strategy.strategy)
         difference, perceived = maps[name]
-        files = f"{stem}-difference-{name}.png", f"{stem}-flip-{name}.png"
-        assets[files[0]] = pictures.difference_png(difference, limit)
-        assets[files[1]] = pictures.perceived_png(perceived, flip_limit)
+        files = (Asset(f"{stem}-difference-{name}.png", pictures.difference_png(difference, limit)),
+                 Asset(f"{stem}-flip-{name}.png", pictures.perceived_png(perceived, flip_limit)))
         title = name if strategy.suits else f"{name} (not suited)"
         swatch = Swatch(style.glyph, style.colour)
         signed.append(Picture(files[0], title, f"Signed relative difference of {name}", swatch=swatch))
@@ -170,10 +179,10 @@ def _differences(result: StudyResult, maps: Maps, stem: str, assets: Assets) -> 
                "unbiased strategy leaves noise that averages out; an even patch of one colour would be bias. Blue with "
                "scattered deep red is a heavy tail: rare bright samples carry the light. "
                f"{_scale_words(result.reference.mean)} {deviates_words(result)}")
-    return PictureFigure(caption, (
-        PictureRow(tuple(signed), "Signed relative difference", _difference_bar(limit)),
-        PictureRow(tuple(noticed), "FLIP", _flip_bar(flip_limit)),
-        deviates_row(result, stem, DIFFERENCE_BAR, assets)))
+    return Pictures(caption, (
+        PictureRow(tuple(signed), "Signed relative difference", signed_bar(formats.share(limit))),
+        PictureRow(tuple(noticed), "FLIP", flip_bar(flip_limit)),
+        deviates_row(result, stem)))
 
 
 def _scale_words(image: np.ndarray) -> str:
@@ -187,27 +196,16 @@ def _reference_title(result: StudyResult) -> str:
     return result.reference_kind[:1].upper() + result.reference_kind[1:]
 
 
-def _difference_bar(limit: float) -> Bar:
-    size = f"{100 * limit:g}{formats.NBSP}%"
-    return Bar(DIFFERENCE_BAR, (f"{formats.MINUS}{size}", "0", f"+{size}"))
-
-
-def _flip_bar(limit: float) -> Bar:
-    return Bar(FLIP_BAR, ("0", f"{limit / 2:g}", f"{limit:g}"))
-
-
-def _curves(result: StudyResult, stem: str, assets: Assets) -> CurveFigure:
-    file = f"{stem}-curves.svg"
-    assets[file] = curves_svg(result)
-    confidences = sorted({strategy.verdict.confidence for strategy in result.strategies})
-    level = formats.words([f"{100 * confidence:g}{formats.NBSP}%" for confidence in confidences])
+def _curves(result: StudyResult, stem: str) -> Curves:
+    file = Asset(f"{stem}-curves.svg", curves_svg(result))
+    level = formats.levels(strategy.verdict.confidence for strategy in result.strategies)
     caption = (f"{result.scene}: convergence of each strategy. Lines are means over the replicas (geometric for RMSE "
                f"and 1 − SSIM), bands their {level} confidence intervals. Left: RMSE; grey diagonals fall with slope "
                f"{formats.MINUS}1/2. Middle: mean error; the shaded strip is the tolerance, inside which the axis is "
                "linear, outside logarithmic; the points at the right are the verdicts, all replicas merged, with their "
                f"intervals. Right: SSIM.{_fit_words(result)}")
     names = formats.words([strategy.strategy for strategy in result.strategies])
-    return CurveFigure(caption, file, f"RMSE, mean error and SSIM of {names} against samples per pixel")
+    return Curves(caption, file, f"RMSE, mean error and SSIM of {names} against samples per pixel")
 
 
 def _fit_words(result: StudyResult) -> str:
@@ -215,6 +213,7 @@ def _fit_words(result: StudyResult) -> str:
     slopes = [strategy.slope for strategy in result.strategies if strategy.slope]
     if not slopes:
         return ""
-    levels = formats.words([f"{100 * level:g}{formats.NBSP}%" for level in sorted({s.confidence for s in slopes})])
-    return (f" Slopes, with {levels} intervals, are fitted to {formats.span([s.points for s in slopes], 'point')} of "
-            f"{formats.span([s.replicas for s in slopes], 'replica')}.")
+    points = formats.span([slope.points for slope in slopes], "point")
+    replicas = formats.span([slope.replicas for slope in slopes], "replica")
+    levels = formats.levels(slope.confidence for slope in slopes)
+    return f" Slopes, with {levels} intervals, are fitted to {points} of {replicas}."

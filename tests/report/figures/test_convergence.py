@@ -13,9 +13,10 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from harness.report.figures import curves, curves_svg
-from harness.report.style import RC, strategy_style
+from harness.report.figures.convergence import curves, curves_svg
+from harness.report.figures.style import RC, strategy_style
 from harness.results import StudyResult
+from tests.support.report import with_curves
 
 
 def words(svg: str) -> str:
@@ -64,11 +65,11 @@ def test_the_same_result_gives_the_same_file_and_a_small_one(study: StudyResult,
 def unreadable(study: StudyResult, synthetic: ModuleType) -> list[StudyResult]:
     """Results that strain a figure: one strategy, huge and tiny errors, long runs, nothing finite, two prefixes."""
     first = study.strategies[0]
-    none = replace(first, rmse=first.rmse * np.nan, ssim=first.ssim * np.nan, mean_error=first.mean_error * np.nan)
+    none = replace(first, curves={name: curve * np.nan for name, curve in first.curves.items()})
     return [study, synthetic.exact_study(), replace(study, strategies=study.strategies[:1]),
-            replace(study, strategies=(replace(first, mean_error=first.mean_error * 1e9),)),
+            replace(study, strategies=(with_curves(first, mean_error=first.curves["mean_error"] * 1e9),)),
             replace(study, strategies=(replace(first, spp=8**np.arange(len(first.spp))),)),
-            replace(study, strategies=(replace(first, rmse=first.rmse * 1e-5),)),
+            replace(study, strategies=(with_curves(first, rmse=first.curves["rmse"] * 1e-5),)),
             replace(study, strategies=(none,)), synthetic.study_result("short", spp=2, replicas=1)]
 
 

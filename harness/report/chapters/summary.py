@@ -1,30 +1,42 @@
-"""The report's sentences: a summary computed from the data, and how to read what follows."""
+"""The first page: a summary computed from the data, and every verdict in one table."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from harness.report import formats
-from harness.report.content import SYMBOLS, Mark, Remark
+from harness.report.blocks import Block, Chapter, Mark, Pointer, Remark, Remarks
+from harness.report.chapters import exhibits
+from harness.report.inputs import Inputs
 from harness.report.tables import (
     EXPECTED_SLOPE,
-    LUMINANCE,
     SLOPE_TOLERANCE,
     error_text,
     is_exact,
     slope_mark,
+    verdict_table,
 )
-from harness.report.tiles import reading as tiles_reading
 from harness.report.tiles import tiles_summary
 from harness.results import StrategyResult, StudyResult
+from harness.stats.channels import Channel
 from harness.studies.equal_error import Cost, equal_error
 
 Pair = tuple[StudyResult, StrategyResult]
 
+PLACE = 0
+
 # So many pairs are named in a sentence of the summary; the verdict table names them all.
 _MAX_NAMED = 4
+
+
+def chapters(inputs: Inputs) -> Iterator[Chapter]:
+    """What stands under the report's title."""
+    blocks: list[Block] = [Remarks(summary(inputs.results)), verdict_table(inputs.results, inputs.anchors)]
+    if inputs.exhibits:
+        blocks.append(Pointer(f"{exhibits.TITLE}, what each does to a picture and what finds it", exhibits.ANCHOR))
+    yield Chapter("", "", tuple(blocks))
 
 
 def summary(results: Sequence[StudyResult]) -> tuple[Remark, ...]:
@@ -68,10 +80,10 @@ def _agreement(judged: Sequence[Pair], scenes: int) -> list[Remark]:
         whole = "All" if len(passed) == len(judged) else f"{len(passed)} of"
         remarks.append(Remark(f"{whole} {of} agree with the reference within {tolerances} in the mean of every colour "
                               "channel.", "pass"))
-    known = [pair for pair in judged if np.isfinite(pair[1].verdict.error[LUMINANCE])]
+    known = [pair for pair in judged if np.isfinite(pair[1].verdict.error[Channel.LUMINANCE])]
     if known:
-        result, worst = max(known, key=lambda pair: abs(float(pair[1].verdict.error[LUMINANCE])))
-        remarks.append(Remark(f"The largest mean error of luminance is {error_text(worst, LUMINANCE)} "
+        result, worst = max(known, key=lambda pair: abs(float(pair[1].verdict.error[Channel.LUMINANCE])))
+        remarks.append(Remark(f"The largest mean error of luminance is {error_text(worst, Channel.LUMINANCE)} "
                               f"({result.scene}, {worst.strategy})."))
     return remarks
 
@@ -107,7 +119,7 @@ def _convergence(judged: Sequence[Pair]) -> list[Remark]:
     text = (f"RMSE falls with samples as Monte Carlo promises (slope {formats.MINUS}1/2 ± "
             f"{formats.number(SLOPE_TOLERANCE, 2)}) for {passed} of {formats.plural(len(fitted), 'fitted slope')}"
             f"{spread}; the intervals of {around} contain {formats.MINUS}1/2.")
-    for each, word in (("fail", "Not so"), ("inconclusive", "Still open")):
+    for each, word in (("fail", "Not so"), ("inconclusive", "Not shown")):
         named = [pair for (pair, _), found in zip(fitted, marks, strict=True) if found == each]
         text += f" {word}: {_names(named)}." if named else ""
     return [Remark(text, mark)]
@@ -142,50 +154,3 @@ def _names(pairs: Sequence[Pair]) -> str:
     named = [f"{result.scene} with {strategy.strategy}" for result, strategy in pairs[:_MAX_NAMED]]
     rest = len(pairs) - len(named)
     return formats.words([*named, formats.plural(rest, "other")] if rest else named)
-
-
-def reading() -> tuple[tuple[str, str], ...]:
-    """The terms of the report, each with what a reader needs to judge by it."""
-    minus = formats.MINUS
-    return (
-        ("What is compared",
-         "A path tracer written in GLSL and Mitsuba 3 render the same scene file. Where an answer has a closed form, "
-         "that takes Mitsuba's place. A strategy is a way to draw the direction in which a path goes on: uniform over "
-         "the hemisphere; cosine-weighted; phong, the glossy lobe only; lobes, one of the two lobes at random, each "
-         "with its own density; mixture, one of the two at random, weighted by their combined density. All are "
-         "estimators of the same image, so they must agree in the mean and may differ only in noise."),
-        ("Mean error",
-         "The image's mean minus the reference's, relative to the reference's: signed, and free of noise in the "
-         "limit. It is what a wrong formula changes. The interval counts the noise of both renderers, measured from "
-         "the scatter of independent batches."),
-        ("Verdict on the mean",
-         f"{SYMBOLS['pass']} pass: with the stated confidence the error of every channel lies inside the tolerance. "
-         f"{SYMBOLS['fail']} fail: the error of some channel lies outside. {SYMBOLS['inconclusive']} inconclusive: the "
-         "interval reaches across the tolerance, and more samples would decide. An interval too wide to see a bias as "
-         "large as the tolerance can therefore never pass."),
-        tiles_reading(),
-        ("RMSE",
-         "The root of the mean squared difference over pixels and channels, in the scene's radiance unit. The "
-         "reference has noise of its own, whose variance is subtracted from the squares first; the curve is then what "
-         "a perfect reference would show. A point that this would turn negative is left out."),
-        ("Slope",
-         f"The error of a mean of N independent samples falls as 1/√N: on log axes, a line of slope {minus}1/2, "
-         f"parallel to the grey diagonals. The slope is fitted to each replica, an independent run of the "
-         "same length; its interval comes from their scatter. A bias bends the curve until it is level; correlated "
-         "samples, or rare bright ones, change its slope."),
-        ("SSIM",
-         "Structural similarity of the two images as displayed: fixed exposure, clipped, sRGB-encoded; 1 is "
-         "identical. It follows what an eye would notice, mostly noise, and says little about bias. Its axis is "
-         "stretched so that each further nine (0.9, 0.99, 0.999) is one step up. A curve that levels off near the top "
-         "has met the noise of the reference, which SSIM cannot subtract."),
-        ("FLIP and ΔE",
-         "FLIP estimates the difference that a viewer notices when the two images alternate on a screen, 0 to 1 for "
-         "each pixel. ΔE (CIE 2000) is a colour difference; around 1 is just noticeable side by side."),
-        ("Equal error",
-         "Strategies cost unequal time and reach unequal noise, so they are compared at the same RMSE: how many "
-         "samples, and how much CPU time, until there. Gains above 1 mean cheaper than the baseline."),
-        ("Not suited, exact",
-         f"{SYMBOLS['warning']} A strategy that cannot draw some direction that carries light, or only with enormous "
-         f"weights, does not suit a scene. It is shown, dashed, as a warning and not judged. {SYMBOLS['exact']} A "
-         "strategy whose every sample gives the same answer has no noise to fit a slope to: it is exact."),
-    )

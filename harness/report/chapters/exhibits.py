@@ -2,57 +2,53 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
-import matplotlib
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
-
-from harness.report import formats, pictures
-from harness.report.content import (
+from harness.report import formats
+from harness.report.bars import signed_bar
+from harness.report.blocks import (
+    Asset,
     Bar,
+    Block,
     Cell,
+    Chapter,
     Column,
-    CurveFigure,
-    Exhibits,
-    ExhibitSection,
+    Curves,
+    Heading,
     Listing,
+    Listings,
+    Paragraph,
     Picture,
-    PictureFigure,
     PictureRow,
+    Pictures,
     Table,
 )
-from harness.report.sections import DIFFERENCE_BAR, Assets
-from harness.report.style import RC
-from harness.results import Exhibit, ExhibitImage, Finding, Plot, Series
+from harness.report.figures import pictures
+from harness.report.figures.panels import HANDOUT, OURS, panels_svg
+from harness.report.inputs import Inputs
+from harness.results import Exhibit, ExhibitImage, Finding, Plot
 
+PLACE = 30
 TITLE, ANCHOR = "The handout's errors", "exhibits"
-_CM = 1 / 2.54
-_PANEL_CM, _HEIGHT_CM = 17 / 3, 4.6
-_SINGLE_CM = 9.0  # a figure of one panel
-_OURS, _HANDOUT = ("#0072b2", "o"), ("#d55e00", "v")  # the palette of report.style
 _FINEST = {"relative": 1e-3, "deviations": 1.0}
 _CLIPS = {"relative": 0.5, "deviations": 3.0}  # beyond these, a map's colours saturate
 
 
-def exhibits_chapter(exhibits: Sequence[Exhibit]) -> tuple[Exhibits | None, Assets]:
-    """The chapter and its PNG and SVG files; None where nothing was measured."""
-    if not exhibits:
-        return None, {}
-    assets: Assets = {}
-    sections = tuple(_section(exhibit, assets) for exhibit in exhibits)
+def chapters(inputs: Inputs) -> Iterator[Chapter]:
+    """The chapter, where exhibits were measured: an overview, and a section an error."""
+    if inputs.exhibits:
+        sections = (block for exhibit in inputs.exhibits for block in _section(exhibit))
+        yield Chapter(TITLE, ANCHOR, (Paragraph(_introduction(inputs.exhibits)), _overview(inputs.exhibits), *sections))
+
+
+def _introduction(exhibits: Sequence[Exhibit]) -> str:
     checks = sorted({finding.check for exhibit in exhibits for finding in exhibit.findings if finding.caught})
-    introduction = (
+    return (
         "The course handout that this path tracer comes from holds, or leaves room for, "
         f"{formats.plural(len(exhibits), 'error')}. Its formulas were put, word for word, in the place of the "
         "library's own functions, and run. Here is what each does to the numbers and to the picture, which check finds "
         "it, and what to write instead. Every check is run on the library's functions as well, and must pass them. The "
         f"checks: {formats.words(checks)}.")
-    return Exhibits(TITLE, ANCHOR, introduction, _overview(exhibits), sections), assets
 
 
 def _overview(exhibits: Sequence[Exhibit]) -> Table:
@@ -75,15 +71,19 @@ def _anchor(exhibit: Exhibit) -> str:
     return f"exhibit-{exhibit.id}"
 
 
-def _section(exhibit: Exhibit, assets: Assets) -> ExhibitSection:
+def _section(exhibit: Exhibit) -> Iterator[Block]:
+    yield Heading(exhibit.title, _anchor(exhibit))
     listings = [Listing("Handout", exhibit.handout, "fail")]
     if exhibit.message:
         listings.append(Listing("Compiler", exhibit.message, "warning"))
-    listings.append(Listing("Right", exhibit.right, "pass"))
-    return ExhibitSection(
-        exhibit.title, _anchor(exhibit), tuple(listings), formats.typographic(exhibit.effect), exhibit.advice,
-        _picture_figure(exhibit, assets) if exhibit.images else None,
-        _curve_figure(exhibit, assets) if exhibit.plots else None, _findings(exhibit))
+    yield Listings((*listings, Listing("Right", exhibit.right, "pass")))
+    yield Paragraph(formats.typographic(exhibit.effect))
+    yield Paragraph(exhibit.advice, lead="Instead.")
+    if exhibit.images:
+        yield _pictures(exhibit)
+    if exhibit.plots:
+        yield _curves(exhibit)
+    yield _findings(exhibit)
 
 
 def _findings(exhibit: Exhibit) -> Table:
@@ -113,14 +113,14 @@ def _value(finding: Finding, value: float | str) -> str:
     return formats.percent(value, sign=finding.unit == "error")
 
 
-def _picture_figure(exhibit: Exhibit, assets: Assets) -> PictureFigure:
+def _pictures(exhibit: Exhibit) -> Pictures:
     """Renders first; maps beside them where there is one, else in a row of their own, on one scale."""
     maps = [image for image in exhibit.images if image.unit != "radiance"]
     scale = 1.0
     if maps:
         unit = maps[0].unit
         scale = min(pictures.robust_limit([image.image for image in maps], _FINEST[unit]), _CLIPS[unit])
-    shown = [_picture(f"{_anchor(exhibit)}-{index}.png", image, scale, assets, shared=len(maps) > 1)
+    shown = [_picture(f"{_anchor(exhibit)}-{index}.png", image, scale, shared=len(maps) > 1)
              for index, image in enumerate(exhibit.images)]
     renders, others = shown[:len(shown) - len(maps)], shown[len(shown) - len(maps):]
     if len(maps) == 1:
@@ -130,7 +130,7 @@ def _picture_figure(exhibit: Exhibit, assets: Assets) -> PictureFigure:
         if maps:
             title = "Relative difference from Mitsuba" if maps[0].unit == "relative" else "Noise"
             rows.append(PictureRow(tuple(others), title, _bar(maps[0], scale)))
-    return PictureFigure(_picture_caption(exhibit, maps), tuple(rows))
+    return Pictures(_picture_caption(exhibit, maps), tuple(rows))
 
 
 def _picture_caption(exhibit: Exhibit, maps: Sequence[ExhibitImage]) -> str:
@@ -141,58 +141,25 @@ def _picture_caption(exhibit: Exhibit, maps: Sequence[ExhibitImage]) -> str:
     return f"{exhibit.title}: {', and '.join(parts)}."
 
 
-def _picture(file: str, image: ExhibitImage, scale: float, assets: Assets, *, shared: bool) -> Picture:
+def _picture(file: str, image: ExhibitImage, scale: float, *, shared: bool) -> Picture:
     if image.unit == "radiance":
-        assets[file] = pictures.display_png(image.image, 0.0)
-        return Picture(file, image.title, image.title)
-    assets[file] = pictures.difference_png(image.image, scale)
-    return Picture(file, image.title, image.title, None if shared else _bar(image, scale))
+        return Picture(Asset(file, pictures.display_png(image.image, 0.0)), image.title, image.title)
+    shown = Asset(file, pictures.difference_png(image.image, scale))
+    return Picture(shown, image.title, image.title, None if shared else _bar(image, scale))
 
 
 def _bar(image: ExhibitImage, scale: float) -> Bar:
-    size = f"{100 * scale:g}{formats.NBSP}%" if image.unit == "relative" else f"{scale:g}{formats.NBSP}σ"
-    return Bar(DIFFERENCE_BAR, (f"{formats.MINUS}{size}", "0", f"+{size}"))
+    return signed_bar(formats.share(scale) if image.unit == "relative" else f"{scale:g}{formats.NBSP}σ")
 
 
-def _curve_figure(exhibit: Exhibit, assets: Assets) -> CurveFigure:
-    file = f"{_anchor(exhibit)}-curves.svg"
-    count = len(exhibit.plots)
-    width = _SINGLE_CM if count == 1 else count * _PANEL_CM
-    settings: Any = {**RC, "svg.hashsalt": exhibit.id}
-    with matplotlib.rc_context(settings):
-        figure = Figure(figsize=(width * _CM, _HEIGHT_CM * _CM))
-        FigureCanvasSVG(figure)
-        panels = np.atleast_1d(figure.subplots(1, count))
-        figure.subplots_adjust(left=1.05 / width, right=1 - 0.25 / width, bottom=0.19, top=0.88, wspace=0.3)
-        for axes, plot in zip(panels, exhibit.plots, strict=True):
-            _panel(axes, plot)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    assets[file] = buffer.getvalue()
+def _curves(exhibit: Exhibit) -> Curves:
+    svg, width = panels_svg(exhibit.plots, exhibit.id)
     titles = formats.words([plot.title for plot in exhibit.plots])
-    return CurveFigure(f"{exhibit.title}. {_key(exhibit.plots)}", file, titles, width)
+    file = Asset(f"{_anchor(exhibit)}-curves.svg", svg)
+    return Curves(f"{exhibit.title}. {_key(exhibit.plots)}", file, titles, width)
 
 
 def _key(plots: Sequence[Plot]) -> str:
     """Which line is whose; the names are those of the plots."""
     names = dict.fromkeys((series.ours, series.name) for plot in plots for series in plot.series)
-    return " ".join(f"{'Blue dots' if ours else 'Orange triangles'}: {name}." for ours, name in sorted(names))
-
-
-def _panel(axes: Axes, plot: Plot) -> None:
-    """One plot."""
-    if "x" in plot.log:
-        axes.set_xscale("log")
-    if "y" in plot.log:
-        axes.set_yscale("log")
-    for series in plot.series:
-        _draw(axes, series)
-    axes.set_xlabel(plot.x_label, labelpad=2)
-    axes.set_title(plot.title, loc="left")
-
-
-def _draw(axes: Axes, series: Series) -> None:
-    colour, marker = _OURS if series.ours else _HANDOUT
-    finite = np.isfinite(series.y)
-    axes.plot(series.x[finite], series.y[finite], color=colour, marker=marker, label=series.name,
-              markersize=2.2 if len(series.x) > 20 else 3.2, linewidth=0.9)
+    return " ".join(f"{OURS if ours else HANDOUT}: {name}." for ours, name in sorted(names))

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from harness.report import formats
-from harness.report.calibration_figure import calibration_svg
-from harness.report.content import CalibrationChapter, Cell, Column, CurveFigure, Mark, Remark, Table
-from harness.report.suite import suite_section
+from harness.report.blocks import Asset, Cell, Chapter, Column, Curves, Mark, Paragraph, Remark, Remarks, Table
+from harness.report.figures.power import power_svg
+from harness.report.inputs import Inputs
+from harness.report.suite import suite_blocks
 from harness.stats.calibration import SUBJECTS, Calibration, FalseAlarms, Power, by_case
 from harness.stats.rates import Rate
 
+PLACE = 40
 TITLE, ANCHOR = "How far the verdicts can be trusted", "calibration"
 FIGURE_FILE = "calibration-power.svg"
 # A gain is called found where the verdict missed it in no more than this share of comparisons.
 MISSED = 0.05
 
-Assets = dict[str, bytes]
+
+def chapters(inputs: Inputs) -> Iterator[Chapter]:
+    """The chapter, where anything was calibrated."""
+    if inputs.calibration is not None:
+        calibration = inputs.calibration
+        yield Chapter(TITLE, ANCHOR, (
+            Paragraph(_introduction(calibration)), Remarks(_remarks(calibration)), _table(calibration),
+            _power(calibration), *suite_blocks(calibration.suite)))
 
 
-def calibration_chapter(calibration: Calibration | None) -> tuple[CalibrationChapter | None, Assets]:
-    """The chapter and its figure; nothing where nothing was calibrated."""
-    if calibration is None:
-        return None, {}
+def _introduction(calibration: Calibration) -> str:
     rendered = sum(text.startswith("rendered") for text in calibration.cases.values())
-    introduction = (
+    return (
         "A verdict is worth what its error rates are, so they are measured: on pairs of estimates that have the same "
         "mean, where every alarm is false, and on the same pairs with a known gain, which should be found. Some "
         "estimators are made up, with samples that are normal, lognormal (σ = 2), or fireflies (one in 10,000 is 1,000 "
@@ -34,18 +40,18 @@ def calibration_chapter(calibration: Calibration | None) -> tuple[CalibrationCha
         "(1992), and each tile's variance is at least that of the tiles around, for one that has not seen its rare "
         "bright sample cannot know of it. Tests share an error rate by Šidák's formula; looks at growing samples share "
         "it in proportion to the samples drawn.")
+
+
+def _power(calibration: Calibration) -> Curves:
     deciding = _deciding(calibration.powers)
-    svg, names = calibration_svg(calibration.powers)
+    svg, names = power_svg(calibration.powers)
     caption = (
         "What the verdicts make of a gain. Left: of everything, middle: of a square of 1 % of the image at a random "
         f"place, under the default tolerances (dotted lines), on {deciding} ({calibration.cases[deciding]}). Right: "
         f"without tolerance, on {formats.words(names)} (the samples of the table); solid of everything that is not "
         "seen directly, dashed of the square. Bands are 95 % binomial intervals.")
-    chapter = CalibrationChapter(
-        TITLE, ANCHOR, introduction, _remarks(calibration), _table(calibration),
-        CurveFigure(caption, FIGURE_FILE, "Shares of comparisons that passed, and that failed, against the gain"),
-        suite_section(calibration.suite))
-    return chapter, {FIGURE_FILE: svg}
+    return Curves(caption, Asset(FIGURE_FILE, svg),
+                  "Shares of comparisons that passed, and that failed, against the gain")
 
 
 def _table(calibration: Calibration) -> Table:
@@ -56,7 +62,7 @@ def _table(calibration: Calibration) -> Table:
         rules.append(len(rows))
         for index, (level, alarms) in enumerate(levels.items()):
             name = (Cell(case, rows=len(levels)),) if index == 0 else ()
-            rows.append((*name, Cell(f"{100 * level:g}"), *map(_alarm_cell, alarms)))
+            rows.append((*name, Cell(formats.share(level, unit=False)), *map(_alarm_cell, alarms)))
     counts = sorted({calibration.cases[case].partition(", ")[2] for case in cases if case in calibration.cases})
     trials, size = calibration.alarms[0].trials, calibration.facts["image size"].replace("x", "×")
     caption = (
@@ -72,7 +78,7 @@ def _table(calibration: Calibration) -> Table:
 
 def _alarm_cell(alarms: FalseAlarms) -> Cell:
     low, high = alarms.rate.interval()
-    text = f"{_percent(alarms.rate.value)} [{_percent(low)}, {_percent(high)}]"
+    text = f"{_rate(alarms.rate.value)} [{_rate(low)}, {_rate(high)}]"
     return Cell(text.replace(" ", formats.NBSP), "fail" if alarms.judgement == "excessive" else "")
 
 
@@ -109,13 +115,13 @@ def _power_remarks(powers: Sequence[Power]) -> list[Remark]:
         if at is not None:
             low, high = Rate(at.passed, at.trials).interval()
             text += (f"as large as the tolerance ({formats.percent(tolerance)}) passed in {at.passed} of {at.trials} "
-                     f"comparisons ({_percent(low)} to {_percent(high)} %)")
+                     f"comparisons ({_rate(low)} to {_rate(high)}{formats.NBSP}%)")
         if surely is not None:
             text += f"; one of {formats.percent(surely.gain)} failed in {surely.failed} of {surely.trials}"
         remarks.append(Remark(f"{text}."))
     good = next(each for each in mine if each.gain == 0)
     remarks.append(Remark(f"{case}: a good render passed in {good.passed} of {good.trials} and failed in "
-                          f"{good.failed}, after {100 * good.share:.0f} % of the budget on average."))
+                          f"{good.failed}, after {formats.percent(good.share, decimals=0)} of the budget on average."))
     return remarks
 
 
@@ -124,5 +130,5 @@ def _deciding(powers: Sequence[Power]) -> str:
     return next(each.case for each in powers if each.tolerance > 0)
 
 
-def _percent(fraction: float) -> str:
-    return formats.number(100 * fraction, 1)
+def _rate(fraction: float) -> str:
+    return formats.percent(fraction, decimals=1, unit=False)

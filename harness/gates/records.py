@@ -1,0 +1,29 @@
+"""Records of gates as JSON types and back: for result.json, the summary, `--json`, and pytest-xdist's workers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
+from typing import Any
+
+from harness.results import GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord
+
+
+def as_json(record: GateRecord) -> dict[str, Any]:
+    """One flat object, in which the numbers stand beside the rest; what is empty is left out."""
+    told = {name: value for name, value in asdict(replace(record, numbers=None)).items() if value}
+    return told | asdict(record.numbers) if record.numbers else told
+
+
+def from_json(held: Mapping[str, Any]) -> GateRecord:
+    """The record that `as_json` wrote. KeyError and TypeError for anything else."""
+    numbers = None
+    if "tests" in held:
+        given = {field.name: held[field.name] for field in fields(GateNumbers)}
+        numbers = GateNumbers(**{
+            **given, **{name: tuple(given[name]) for name in ("error", "low", "high")},
+            "tests": {name: PartRecord(**part) for name, part in given["tests"].items()},
+            "looks": tuple(LookRecord(**look) for look in given["looks"]),
+            "curve": tuple(PointRecord(**point) for point in given["curve"])})
+    told = {field.name: held[field.name] for field in fields(GateRecord) if field.name in held}
+    return GateRecord(**told, numbers=numbers)

@@ -1,0 +1,44 @@
+"""The chapter on speed: the benchmark as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from harness.report import formats
+from harness.report.blocks import Cell, Chapter, Column, Mark, Table
+from harness.report.inputs import Inputs
+from harness.results import BenchRow
+
+PLACE = 60
+TITLE, ANCHOR = "Speed", "speed"
+
+
+def chapters(inputs: Inputs) -> Iterator[Chapter]:
+    """The chapter, where a benchmark was run."""
+    if inputs.bench:
+        yield Chapter(TITLE, ANCHOR, (speed_table(inputs.bench),))
+
+
+def speed_table(rows: Sequence[BenchRow]) -> Table:
+    """The benchmark as a table, one row a measured case."""
+    caption = (
+        "Speed: millions of samples (paths) per second of CPU time, the GLSL tracer and what it is measured against in "
+        "turns in one run on the same cores. Medians over the rounds; of their ratio also the extremes. path: "
+        "Mitsuba's own path tracer, which samples light sources as well; bsdf_path: the tracer's algorithm as a "
+        "Mitsuba integrator; no lens, no motion: the tracer itself on the same scene without it. "
+        "Elapsed: the ratio by wall clock. Equal error: the ratio of 1 / (variance × CPU time), how much sooner the "
+        "tracer reaches the same error.")
+    columns = (Column("Scene", share=1), Column("Strategy"), Column("Against"), Column("GLSL\nM/s", "right"),
+               Column("Other\nM/s", "right"), Column("Ratio", "right"), Column("Target", "right"),
+               Column("Result"), Column("Elapsed", "right"), Column("Equal\nerror", "right"))
+    return Table(caption, columns, tuple(map(_row, rows)))
+
+
+def _row(row: BenchRow) -> tuple[Cell, ...]:
+    mark: Mark = "pass" if row.ratio >= row.needed else "fail"
+    rates = (Cell(formats.significant(rate)) for rate in (row.tracer_rate, row.opponent_rate))
+    others = (Cell(f"{formats.significant(ratio, 2)}{formats.TIMES}")
+              for ratio in (row.wall_ratio, row.efficiency_ratio))
+    return (Cell(row.scene), Cell(row.strategy), Cell(row.opponent), *rates,
+            Cell(formats.ratio(row.ratio, row.low, row.high)), Cell(f"≥{formats.NBSP}{row.needed:g}{formats.TIMES}"),
+            Cell("reached" if mark == "pass" else "missed", mark), *others)

@@ -1,0 +1,55 @@
+"""All that a report is made from, as one value."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from harness.errors import HarnessError
+from harness.results import BenchRow, Exhibit, KillRecord, StudyResult
+from harness.stats.calibration import Calibration
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What was studied and measured. HarnessError without results, and for two results of one scene.
+
+    `profile`: the word for how thorough the studies were. `elapsed`: wall-clock seconds of the steps before the report,
+    by name. The rest as far as it was measured: `bench`, `mutants`: what `harness bench` and `harness mutants` found;
+    `exhibits`: the handout's errors; `calibration`: the verdicts' own errors.
+    """
+
+    results: Sequence[StudyResult]
+    profile: str
+    bench: Sequence[BenchRow] = ()
+    elapsed: Mapping[str, float] = field(default_factory=dict)
+    exhibits: Sequence[Exhibit] = ()
+    calibration: Calibration | None = None
+    mutants: KillRecord | None = None
+
+    def __post_init__(self) -> None:
+        names = [result.scene for result in self.results]
+        if not names:
+            raise HarnessError("a report needs at least one study, found none; run 'harness study' first")
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise HarnessError(f"two studies of a scene called '{twice}'; give each scene of a report its own name")
+
+    @cached_property
+    def stems(self) -> tuple[str, ...]:
+        """For each result its scene's name as names of files and links begin with it; all are different."""
+        stems: list[str] = []
+        for result in self.results:
+            stem = base = re.sub(r"[^a-z0-9]+", "-", result.scene.lower()).strip("-") or "scene"
+            number = 2
+            while stem in stems:
+                stem, number = f"{base}-{number}", number + 1
+            stems.append(stem)
+        return tuple(stems)
+
+    @cached_property
+    def anchors(self) -> tuple[str, ...]:
+        """For each result the anchor of its scene's chapter, which no chapter on anything else can have."""
+        return tuple(f"scene-{stem}" for stem in self.stems)

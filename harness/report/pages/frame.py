@@ -1,0 +1,16 @@
+"""The frame of every HTML page of the harness: page.html around it, and page.css as what all of them look like."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+from string import Template
+
+_HERE = Path(__file__).parent
+
+
+def framed(title: str, style: str, body: str) -> str:
+    """A whole HTML file. `title` is text, `body` markup, `style` CSS that follows page.css and may overrule it."""
+    template = Template((_HERE / "page.html").read_text(encoding="utf-8"))
+    common = (_HERE / "page.css").read_text(encoding="utf-8")
+    return template.substitute(title=escape(title), style=common + style, body=body)
