@@ -72,7 +72,7 @@ def test_moved_shapes_are_those_of_a_scene_in_that_pose(mi: Any, tmp_path: Path,
         renderer._moving_shapes.move(time)
     still = write(tmp_path / "still.xml", body, (0.7, 0.7))
     assert not moving(still)
-    found, expected = seen(mi, renderer._mitsuba_scene), seen(mi, instantiate(still.file))
+    found, expected = seen(mi, renderer._prepared.scene), seen(mi, instantiate(still.file))
     both = np.isfinite(found[:, 0]) & np.isfinite(expected[:, 0])
     assert both.sum() > 150
     assert (np.isfinite(found[:, 0]) == np.isfinite(expected[:, 0])).mean() > 0.998
