@@ -21,7 +21,7 @@ from harness.scene.procedural import KINDS, ramp
 from harness.scene.procedural import evaluate as formula
 from harness.shader.scene.chunk import scene_chunk
 from tests.support.scenes import SceneWriter
-from tests.support.tracer import TracerRenderer, evaluate
+from tests.support.tracer import TracerRenderer, evaluate, library
 
 SCENES = data_dir("mitsuba_scenes")
 AGREEMENT = 1e-5  # of two float32 evaluations of one colour within [0, 1]
@@ -115,7 +115,7 @@ def test_shader_agrees_with_float64(scene: SceneWriter, kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_both_sides_hold_the_same_constants(kind: str) -> None:
     """NAME_RISE and NAME_GRAIN of the library, where it has them, are those of the kind's row."""
-    text = (data_dir("glsl") / "lib" / "procedural.glsl").read_text(encoding="utf-8")
+    text = library().assembled("lib/procedural.glsl").text
     rise = re.search(rf"^const float {kind.upper()}_RISE = ([\d.]+);", text, re.MULTILINE)
     grain = re.search(rf"^const vec3 {kind.upper()}_GRAIN = vec3\(([\d., ]+)\);", text, re.MULTILINE)
     row = KINDS[kind]
