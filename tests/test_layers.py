@@ -37,7 +37,7 @@ ONLY = {
     "stats": {"errors", "stats"},
     "samples": {"errors", "files", "samples"},
     "shader": {"errors", "files", "scene", "shader"},
-    "checks": {"checks", "samples", "shader"},
+    "checks": {"checks", "gpu", "samples", "shader"},
     "gpu": {"errors", "files", "gpu", "samples", "scene", "shader"},
     "reference": {"errors", "files", "machine", "reference", "samples", "scene"},
     "report": {"errors", "files", "metrics", "report", "results", "samples", "scene", "stats", "studies"},

@@ -1,7 +1,6 @@
 """Adapters: what the checks ask of a sampler, a frame or a generator, of the functions of a shader's library.
 
-Each takes a `Probe`, which evaluates one of glsl/probes/ over rows of inputs: `harness.gpu.probes.evaluate` for the
-library as it is, or the same of any other library.
+Each takes a `Probe`, which evaluates one of glsl/probes/ over rows of inputs; `probe_of(library)` is that of a library.
 """
 
 from __future__ import annotations
@@ -16,6 +15,8 @@ import numpy as np
 from harness.checks.chi2 import Pdf, Sample
 from harness.checks.domains import Axis, Lobe
 from harness.checks.integral import quadrature
+from harness.gpu.probes import evaluate
+from harness.shader.library import Library
 from harness.shader.strategies import STRATEGIES
 
 # As probes/sampling.frag numbers them, and the order of pdfs in probes/pdf.frag.
@@ -23,11 +24,16 @@ SAMPLERS = ("uniform", "cosine", "lobe")
 
 
 class Probe(Protocol):
-    """`harness.gpu.probes.evaluate`, or the same of another library."""
+    """How `harness.gpu.probes.evaluate` is called."""
 
     def __call__(self, name: str, /, *inputs: np.ndarray, outputs: int = 1, uniforms: Mapping[str, Any] | None = None,
                  defines: Mapping[str, object] | None = None) -> np.ndarray:
         """Outputs (N, 4 * outputs) of inputs (N, 4)."""
+
+
+def probe_of(library: Library) -> Probe:
+    """The probes of a library: ours, or anybody's files and functions in place of ours."""
+    return functools.partial(evaluate, library=library)
 
 
 def sampler(probe: Probe, name: str, axis: Axis, alpha: float = 0.0) -> tuple[Sample, Pdf]:

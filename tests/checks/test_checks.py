@@ -15,7 +15,8 @@ from harness import checks
 from harness.checks.chi2 import pearson, tabulate
 from harness.checks.domains import UP, midpoints
 from harness.checks.frame import axes
-from harness.checks.shader import lobe_albedo
+from harness.checks.shader import lobe_albedo, probe_of, sampler
+from harness.shader.library import Library
 from tests.support.scenes import mi
 
 __all__ = ["mi"]
@@ -194,6 +195,15 @@ def test_frames() -> None:
     wrong = checks.frame(crossed)
     assert not wrong.passed and wrong.value == 2
     assert "2 of 10,026 axes have no orthonormal frame" in wrong.sentence and "by inf" in wrong.sentence
+
+
+@pytest.mark.parametrize("chunks", [(), ("course/lobe_pdf.glsl", "course/brdf.glsl")])
+def test_a_library_is_checked_through_its_probes(chunks: tuple[str, ...]) -> None:
+    """Ours passes; the handout's pdf, over π² where 2π belongs, fails by what it integrates to and by χ²."""
+    sample, pdf = sampler(probe_of(Library().with_functions(*chunks)), "lobe", UP, 20.0)
+    total = checks.integral(pdf, checks.Lobe(UP, 20.0), points=(2000, 1))
+    assert total.value == pytest.approx(2 / np.pi if chunks else 1, rel=1e-4)
+    assert [total.passed, checks.chi2(sample, pdf, checks.Crowded(UP)).passed] == [not chunks] * 2
 
 
 @pytest.mark.parametrize("bits", [8, 12, 24])

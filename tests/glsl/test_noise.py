@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.files import data_dir
 from harness.reference.procedural import arithmetic
 from harness.scene.noise import AXES, NUMPY, OCTAVE, OFFSET, SEED_FACTOR, UNIT, Arithmetic, fbm, value_noise
-from tests.support.tracer import evaluate
+from tests.support.tracer import evaluate, library
 
 COUNT = 4000
 SEED = 3_000_000_019  # beyond 31 bits, and odd
@@ -67,7 +66,7 @@ def test_shader_agrees_with_float64(where: str) -> None:
 
 def test_both_sides_hold_the_same_constants() -> None:
     """Each on its own: where one differs, the comparisons above say only that the noise is another."""
-    text = (data_dir("glsl") / "lib" / "noise.glsl").read_text(encoding="utf-8")
+    text = library().assembled("lib/noise.glsl").text
     found = {name: int(value, 0) for name, value in re.findall(r"^const uint (\w+) = (\w+)u;", text, re.MULTILINE)}
     axes = dict(zip(("NOISE_X", "NOISE_Y", "NOISE_Z"), AXES, strict=True))
     assert found == axes | {"NOISE_SEED": SEED_FACTOR, "NOISE_OFFSET": OFFSET, "NOISE_OCTAVE": OCTAVE}

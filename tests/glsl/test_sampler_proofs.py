@@ -13,12 +13,12 @@ from scipy import stats
 
 from harness.checks import Crowded, Finding, chi2, shared_level
 from harness.checks.domains import UP, Axis
-from harness.checks.shader import Vertex, sampler
-from harness.course.variants import LOBE_PDF, OURS, Variant
+from harness.checks.shader import Probe, Vertex, sampler
+from harness.course.variants import LOBE_PDF
 from harness.reference.plugins import register_plugins
 from harness.scene import Scene
 from harness.shader.strategies import STRATEGIES
-from tests.support.tracer import TracerRenderer
+from tests.support.tracer import TracerRenderer, evaluate
 
 FAMILY = 1e-3
 SAMPLER_CASES = [("uniform", 0.0), ("cosine", 1.0), *(("lobe", alpha) for alpha in (0.0, 1.0, 10.0, 100.0, 1000.0))]
@@ -38,9 +38,9 @@ def columns(*arrays: Any) -> np.ndarray:
     return np.stack(broadcast, axis=-1)
 
 
-def sampler_chi2(name: str, alpha: float, axis: Axis, variant: Variant = OURS) -> Finding:
-    """Directions from the variant's sampler about an axis, against the variant's own pdf."""
-    sample, pdf = sampler(variant.probe, name, axis, alpha)
+def sampler_chi2(name: str, alpha: float, axis: Axis, probe: Probe = evaluate) -> Finding:
+    """Directions from a library's sampler about an axis, against its own pdf."""
+    sample, pdf = sampler(probe, name, axis, alpha)
     return chi2(sample, pdf, Crowded(axis), level=LEVEL)
 
 
@@ -55,7 +55,7 @@ def test_samplers_follow_their_pdfs(name: str, alpha: float, axis: str) -> None:
 def test_strategies_follow_their_pdfs(strategy: str, alpha: float, angle: float) -> None:
     """The directions that the estimator goes on in, those below the surface included, for a viewer at `angle`."""
     vertex = Vertex(alpha, np.radians(angle).item(), kd=(0.4, 0.4, 0.4), ks=(0.6, 0.6, 0.6), share=GLOSSY)
-    sample, pdf = vertex.sampler(OURS.probe, strategy, replica=5)
+    sample, pdf = vertex.sampler(evaluate, strategy, replica=5)
     found = chi2(sample, pdf, Crowded(vertex.mirror if strategy in ("phong", "lobes", "mixture") else UP), level=LEVEL)
     assert found.passed, found.sentence
 
@@ -63,14 +63,14 @@ def test_strategies_follow_their_pdfs(strategy: str, alpha: float, angle: float)
 @pytest.mark.parametrize("alpha", [1.0, 10.0, 1000.0])
 def test_the_same_test_rejects_the_handouts_pdf(alpha: float) -> None:
     """Over π² where 2π belongs, with directions that are right."""
-    assert not sampler_chi2("lobe", alpha, AXES["111"], LOBE_PDF).passed
+    assert not sampler_chi2("lobe", alpha, AXES["111"], LOBE_PDF.probe).passed
 
 
 def test_the_same_test_rejects_an_exponent_five_percent_off() -> None:
     """Directions for α = 105 against the pdf for 100."""
     axis = AXES["tilted"]
-    sample, _ = sampler(OURS.probe, "lobe", axis, 105.0)
-    _, pdf = sampler(OURS.probe, "lobe", axis, 100.0)
+    sample, _ = sampler(evaluate, "lobe", axis, 105.0)
+    _, pdf = sampler(evaluate, "lobe", axis, 100.0)
     assert not chi2(sample, pdf, Crowded(axis), level=LEVEL).passed
 
 
@@ -89,7 +89,7 @@ def test_the_brdf_has_the_plugins_values(mi: Any, alpha: float) -> None:
     v[:, 2], light[:, 2] = np.abs(v[:, 2]), np.abs(light[:, 2])
     v, light = np.float32(v), np.float32(light)
     material = {"kd": kd, "ks": ks, "alpha": alpha, "p_glossy": 0.5, "replica": 0}
-    found = OURS.probe("phong.frag", columns(0.0, 0.0, 1.0, np.zeros(len(v))), columns(*v.T), columns(*light.T),
+    found = evaluate("phong.frag", columns(0.0, 0.0, 1.0, np.zeros(len(v))), columns(*v.T), columns(*light.T),
                        outputs=3, uniforms=material)[:, :3]
     bsdf = mi.load_dict({"type": "phong", "kd": {"type": "rgb", "value": list(kd)}, "alpha": alpha,
                          "ks": {"type": "rgb", "value": list(ks)}})
