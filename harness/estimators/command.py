@@ -1,4 +1,4 @@
-"""Any program as an estimator: run in a process of its own, once a replica, its image read from the file that it wrote."""
+"""Any program as an estimator: run in a process of its own, once a replica, its image read from its file."""
 
 from __future__ import annotations
 

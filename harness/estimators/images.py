@@ -48,6 +48,10 @@ class Images:
         first = self.files[0].name
         return first if len(self.files) == 1 else f"{first} and {len(self.files) - 1} more"
 
+    def check(self, scene: SceneFile) -> str:
+        """They say nothing of the scene."""
+        return ""
+
     @contextmanager
     def open(self, scene: SceneFile | None = None) -> Iterator[StoredRuns]:
         """All files, read. HarnessError, in one line that names them, where some cannot be read, sizes differ, or two
