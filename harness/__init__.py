@@ -9,12 +9,14 @@ from typing import Any
 _HOMES = {
     "Batch": "harness.samples.estimate", "Estimate": "harness.samples.estimate",
     "HarnessError": "harness.errors", "MachineError": "harness.errors",
-    "ReferenceRenderer": "harness.reference.renderer", "TracerRenderer": "harness.gpu.renderer",
-    "Scene": "harness.scene", "load_scene": "harness.scene",
+    "Constant": "harness.estimators.constant", "Mitsuba": "harness.estimators.mitsuba",
+    "Tracer": "harness.estimators.tracer",
+    "Library": "harness.shader.library",
+    "Scene": "harness.scene", "SceneFile": "harness.scene", "load_scene": "harness.scene",
     "Store": "harness.samples.store",
     "StrategyResult": "harness.results", "StudyResult": "harness.results",
     "load_gates": "harness.gates", "run_gate": "harness.gates",
-    "judge": "harness.policy", "render": "harness.api", "render_reference": "harness.api",
+    "estimate": "harness.api", "judge": "harness.policy", "render": "harness.api", "render_reference": "harness.api",
     "read_estimate": "harness.samples.exr", "write_estimate": "harness.samples.exr",
     "study": "harness.studies.study",
 }

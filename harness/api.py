@@ -2,28 +2,43 @@
 
 from __future__ import annotations
 
-from harness.gpu.renderer import TracerRenderer
+from pathlib import Path
+
+from harness.estimators.base import Estimator
+from harness.estimators.mitsuba import Mitsuba
+from harness.estimators.tracer import Tracer
 from harness.progress import Progress, quiet
-from harness.reference.renderer import ReferenceRenderer
 from harness.samples.estimate import Estimate
 from harness.samples.store import Store
-from harness.scene import Scene
+from harness.scene import Scene, SceneFile, file_of
 from harness.work.batches import render_estimate
 
 
-def render(scene: Scene, strategy: str = "mixture", spp: int = 256, *, replica: int = 0, store: Store | None = None,
-           progress: Progress = quiet) -> Estimate:
+def scene_file(scene: Scene | SceneFile | str | Path) -> SceneFile:
+    """A scene file however it is named: by its path, or by our reading of it."""
+    if isinstance(scene, SceneFile):
+        return scene
+    return file_of(scene) if isinstance(scene, Scene) else SceneFile(Path(scene))
+
+
+def estimate(estimator: Estimator, scene: Scene | SceneFile | str | Path, spp: int, *, replica: int = 0,
+             store: Store | None = None, progress: Progress = quiet) -> Estimate:
+    """An estimator's image of the scene: mean and variance of `spp` samples per pixel of one replica.
+
+    HarnessError where the estimator cannot render the scene.
+    """
+    file = scene_file(scene)
+    with estimator.open(file) as renderer, progress(spp, f"{file.name} {estimator.name}") as advance:
+        return render_estimate(renderer, spp, replica=replica, store=store, advance=advance)
+
+
+def render(scene: Scene | SceneFile | str | Path, strategy: str = "mixture", spp: int = 256, *, replica: int = 0,
+           store: Store | None = None, progress: Progress = quiet) -> Estimate:
     """The tracer's image of the scene with `spp` samples per pixel. HarnessError for an unknown strategy."""
-    renderer = TracerRenderer(scene, strategy)
-    try:
-        with progress(spp, f"{scene.name} {strategy}") as advance:
-            return render_estimate(renderer, spp, replica=replica, store=store, advance=advance)
-    finally:
-        renderer.release()
+    return estimate(Tracer(strategy), scene, spp, replica=replica, store=store, progress=progress)
 
 
-def render_reference(scene: Scene, spp: int, *, store: Store | None = None, progress: Progress = quiet) -> Estimate:
+def render_reference(scene: Scene | SceneFile | str | Path, spp: int, *, store: Store | None = None,
+                     progress: Progress = quiet) -> Estimate:
     """Mitsuba's image of the scene with `spp` samples per pixel."""
-    renderer = ReferenceRenderer(scene)
-    with progress(spp, f"{scene.name} reference") as advance:
-        return render_estimate(renderer, spp, store=store, advance=advance)
+    return estimate(Mitsuba(), scene, spp, store=store, progress=progress)

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import statistics
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from harness.errors import StoreError
-from harness.estimators.base import Renderer
-from harness.files import data_dir, write_atomically
-from harness.gpu.renderer import TracerRenderer
+from harness.estimators.base import Estimator, Renderer
+from harness.estimators.mitsuba import Mitsuba
+from harness.estimators.tracer import Tracer
+from harness.files import write_atomically
 from harness.progress import Progress, quiet
-from harness.reference.renderer import ReferenceRenderer
 from harness.samples.estimate import Accumulator
-from harness.scene import Scene, load_scene
+from harness.scene import SceneFile
 from harness.work.provenance import versions
 
 # Seconds of wall time that one measurement of one renderer should take: long against timer and launch overhead.
@@ -34,7 +32,7 @@ MAX_SPP = 4096
 class Case:
     """One row: a scene, the tracer's strategy, what it is measured against, the target ratio.
 
-    `opponent`: a Mitsuba integrator, or one of WITHOUT: the tracer itself on the scene without that feature.
+    `opponent`: a Mitsuba integrator, or one of WITHOUT: the tracer itself without that feature of the scene.
     """
 
     scene: str
@@ -56,15 +54,7 @@ CASES = (
 )
 
 
-def _without_lens(scene: Scene) -> Scene:
-    return dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, aperture_radius=0.0))
-
-
-def _without_motion(scene: Scene) -> Scene:
-    return dataclasses.replace(scene, shapes=tuple(dataclasses.replace(s, motion=None) for s in scene.shapes))
-
-
-WITHOUT: dict[str, Callable[[Scene], Scene]] = {"no lens": _without_lens, "no motion": _without_motion}
+WITHOUT = {"no lens": "lens", "no motion": "motion"}
 
 
 @dataclass(frozen=True)
@@ -128,19 +118,14 @@ def run(cases: Sequence[Case] = CASES, rounds: int = 7, progress: Progress = qui
 
 
 def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Row:
-    scene = load_scene(data_dir("mitsuba_scenes") / f"{case.scene}.xml")
-    pixels = scene.width * scene.height
-    tracer = TracerRenderer(scene, case.strategy)
-    try:
-        ours = _Lane(tracer, pixels)
-        with _opponent(scene, case) as opponent:
-            theirs = _Lane(opponent, pixels)
-            for number in range(rounds):
-                ours.measure(number)
-                theirs.measure(number)
-                advance(1)
-    finally:
-        tracer.release()
+    scene = SceneFile.bundled(case.scene)
+    pixels = scene.film.width * scene.film.height
+    with Tracer(case.strategy).open(scene) as tracer, _opponent(case).open(scene) as opponent:
+        ours, theirs = _Lane(tracer, pixels), _Lane(opponent, pixels)
+        for number in range(rounds):
+            ours.measure(number)
+            theirs.measure(number)
+            advance(1)
     ratios = [a / b for a, b in zip(ours.cpu, theirs.cpu, strict=True)]
     walls = [a / b for a, b in zip(ours.wall, theirs.wall, strict=True)]
     return Row(
@@ -150,17 +135,11 @@ def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Row:
         efficiency_ratio=ours.efficiency() / theirs.efficiency())
 
 
-@contextmanager
-def _opponent(scene: Scene, case: Case) -> Iterator[Renderer]:
-    """What a case is measured against, released in the end."""
-    if case.opponent not in WITHOUT:
-        yield ReferenceRenderer(scene, case.opponent)
-        return
-    simpler = TracerRenderer(WITHOUT[case.opponent](scene), case.strategy)
-    try:
-        yield simpler
-    finally:
-        simpler.release()
+def _opponent(case: Case) -> Estimator:
+    """What a case is measured against."""
+    if case.opponent in WITHOUT:
+        return Tracer(case.strategy, without=(WITHOUT[case.opponent],))
+    return Mitsuba(case.opponent)
 
 
 def save(rows: Sequence[Row], path: Path) -> None:

@@ -7,7 +7,6 @@ import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from contextvars import ContextVar
 from pathlib import Path
 from typing import Literal
 
@@ -15,9 +14,6 @@ from harness.errors import HarnessError, StoreError
 
 # Writers that die without a chance to clean up leave files of this name behind; readers of a folder ignore them.
 PARTIAL_PREFIX = ".partial-"
-
-# The folder that stands in for the shaders that come with the harness, while `shaders_from` lasts.
-_shaders: ContextVar[Path | None] = ContextVar("shaders", default=None)
 
 _PACKAGE = Path(__file__).resolve().parent
 _CHECKOUT = _PACKAGE.parent
@@ -33,22 +29,10 @@ def data_dir(name: Literal["glsl", "mitsuba_scenes", "reports"]) -> Path:
 
     HarnessError when the installation is incomplete.
     """
-    if name == "glsl" and (replaced := _shaders.get()) is not None:
-        return replaced
     folder = _CHECKOUT / name if in_checkout() else _PACKAGE / "_data" / name
     if not folder.is_dir():
         raise HarnessError(f"{folder}: missing from this installation; install glsl-validation-harness again")
     return folder
-
-
-@contextmanager
-def shaders_from(folder: Path) -> Iterator[None]:
-    """Take the shaders from another folder of the same layout, in this thread and as long as the block lasts."""
-    token = _shaders.set(folder)
-    try:
-        yield
-    finally:
-        _shaders.reset(token)
 
 
 def cache_dir() -> Path:

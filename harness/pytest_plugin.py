@@ -18,6 +18,7 @@ from harness.errors import HarnessError
 
 if TYPE_CHECKING:
     from harness.gates import Gate, GateResult, References
+    from harness.shader.library import Library
 
 # Where results go, below the root folder, when neither the ini file nor the command line says.
 RESULTS = "harness-results"
@@ -26,6 +27,16 @@ PROPERTY = "harness_gate"
 KINDS = ("html", "json")
 # One a process: gates of one scene share Mitsuba's image, which is kept in the cache between runs.
 _REFERENCES: pytest.StashKey[References] = pytest.StashKey()
+
+
+@pytest.fixture(scope="session")
+def shader_library(pytestconfig: pytest.Config) -> Library:
+    """The shader library under test: the harness's, but for what `harness mutants` seeds into it."""
+    from harness.mutants.under_test import LIBRARY
+    from harness.shader.library import OURS
+
+    return pytestconfig.stash.get(LIBRARY, OURS)
+
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -70,7 +81,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
     """After the last gate, free what would slow down other tests of the same process."""
     if isinstance(item, GateItem) and not isinstance(nextitem, GateItem):
-        item.config.stash[_REFERENCES].release()
+        item.config.stash[_REFERENCES].close()
 
 
 class GatesCollector(pytest.File):

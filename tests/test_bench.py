@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +17,11 @@ from harness import bench
 from harness.bench import Case, Row
 from harness.cli import main
 from harness.errors import StoreError
+from harness.estimators.mitsuba import Mitsuba
+from harness.estimators.tracer import FEATURES, Tracer
 from harness.files import data_dir
 from harness.samples.estimate import Batch
-from harness.scene import Scene, load_scene
+from harness.scene import SceneFile, load_scene
 from tests.support.fakes import NoiseRenderer
 
 CASE = Case("diffuse", "cosine", "path", needed=5.0)
@@ -33,9 +36,9 @@ class Paced(NoiseRenderer):
     sigma_per_sample: float
     growth = 1.1
 
-    def __init__(self, scene: Scene, variant: str) -> None:
+    def __init__(self, scene: SceneFile, variant: str) -> None:
         super().__init__(sigma=self.sigma_per_sample, size=(4, 4))
-        self.pixels = scene.width * scene.height
+        self.pixels = scene.film.width * scene.film.height
         self.variant = variant
         self.released = False
 
@@ -45,15 +48,12 @@ class Paced(NoiseRenderer):
         rounds = sum(replica == 1 for replica, _, _ in self.calls)
         return dataclasses.replace(batch, cpu_seconds=count * self.cost * self.growth**max(rounds - 1, 0))
 
-    def release(self) -> None:
-        self.released = True
 
-
-class Tracer(Paced):
+class OurPace(Paced):
     cost, sigma_per_sample = 0.01, 0.6
 
 
-class Mitsuba(Paced):
+class MitsubasPace(Paced):
     cost, sigma_per_sample = 0.06, 0.3
 
 
@@ -62,14 +62,17 @@ def paced(monkeypatch: pytest.MonkeyPatch) -> list[Paced]:
     """Renderers of known price in the benchmark's place of the real ones; all that were made."""
     made: list[Paced] = []
 
-    def maker(kind: type[Paced]) -> Callable[[Scene, str], Paced]:
-        def make(scene: Scene, variant: str) -> Paced:
-            made.append(kind(scene, variant))
-            return made[-1]
-        return make
+    def opener(kind: type[Paced], variant: Callable[[Any], str]) -> Callable[..., AbstractContextManager[Paced]]:
+        @contextmanager
+        def opened(estimator: Any, scene: SceneFile) -> Iterator[Paced]:
+            made.append(renderer := kind(scene, variant(estimator)))
+            yield renderer
+            renderer.released = True
+        return opened
 
-    monkeypatch.setattr(bench, "TracerRenderer", maker(Tracer))
-    monkeypatch.setattr(bench, "ReferenceRenderer", maker(Mitsuba))
+    monkeypatch.setattr(Tracer, "open", opener(OurPace, lambda tracer: " without ".join(
+        [tracer.strategy, *tracer.without])))
+    monkeypatch.setattr(Mitsuba, "open", opener(MitsubasPace, lambda mitsuba: mitsuba.integrator))
     monkeypatch.setattr(bench, "MAX_SPP", 8)
     return made
 
@@ -83,11 +86,11 @@ class TestRun:
         assert (row.scene, row.strategy, row.opponent, row.needed) == ("diffuse", "cosine", "path", 5.0)
         assert row.ratio == pytest.approx(6.0)
         assert (row.low, row.high) == pytest.approx((6.0, 6.0))
-        assert row.tracer_rate == pytest.approx(paced[0].pixels / Tracer.cost / Tracer.growth / 1e6), "a median"
+        assert row.tracer_rate == pytest.approx(paced[0].pixels / OurPace.cost / OurPace.growth / 1e6), "a median"
         assert row.tracer_rate / row.opponent_rate == pytest.approx(6.0)
 
     def test_the_spread_is_of_the_rounds_ratios(self, paced: list[Paced], monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(Mitsuba, "growth", 1.0)
+        monkeypatch.setattr(MitsubasPace, "growth", 1.0)
         row, = bench.run([CASE], rounds=3)
         assert (row.high, row.ratio, row.low) == pytest.approx((6.0, 6.0 / 1.1, 6.0 / 1.1**2))
 
@@ -108,14 +111,14 @@ class TestRun:
         rows = bench.run(cases, rounds=2, progress=counting)
         assert [row.scene for row in rows] == ["diffuse", "furnace_convex"]
         assert [renderer.variant for renderer in paced] == ["cosine", "path", "mixture", "bsdf_path"]
-        assert [renderer.released for renderer in paced] == [True, False, True, False]
+        assert all(renderer.released for renderer in paced)
         assert ticks == [4, 1, 1, 1, 1], "the total first, then a step a round"
 
     def test_a_feature_is_measured_against_the_scene_without_it(self, paced: list[Paced]) -> None:
         """The opponent is the tracer itself, with the case's own strategy, and is released too."""
         row, = bench.run([Case("diffuse", "mixture", "no lens", 0.8)], rounds=2)
         assert [(type(renderer), renderer.variant, renderer.released) for renderer in paced] == [
-            (Tracer, "mixture", True), (Tracer, "mixture", True)]
+            (OurPace, "mixture", True), (OurPace, "mixture without lens", True)]
         assert row.ratio == pytest.approx(1.0)
 
     def test_no_sample_is_measured_twice(self, paced: list[Paced]) -> None:
@@ -138,10 +141,10 @@ def test_without_a_feature_all_else_stays() -> None:
     """The lens closes to a pinhole and moving shapes rest, and nothing else about the scene changes."""
     scene = load_scene(data_dir("mitsuba_scenes") / "diffuse.xml")
     lens = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, aperture_radius=0.25))
-    assert bench.WITHOUT["no lens"](lens) == scene
+    assert FEATURES[bench.WITHOUT["no lens"]](lens) == scene
     moving = dataclasses.replace(scene, shapes=tuple(
         dataclasses.replace(shape, motion=shape.to_world) for shape in scene.shapes))
-    assert bench.WITHOUT["no motion"](moving) == scene
+    assert FEATURES[bench.WITHOUT["no motion"]](moving) == scene
 
 
 class TestFile:

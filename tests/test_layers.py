@@ -20,7 +20,7 @@ FLOORS = (
     ("scene", "metrics"),
     ("policy", "results", "shader"),
     ("gpu", "reference"),
-    ("estimators",),
+    ("checks", "estimators"),
     ("work",),
     ("api", "studies"),
     ("bench", "course"),
@@ -37,6 +37,7 @@ ONLY = {
     "stats": {"errors", "stats"},
     "samples": {"errors", "files", "samples"},
     "shader": {"errors", "files", "scene", "shader"},
+    "checks": {"checks", "samples", "shader"},
     "gpu": {"errors", "files", "gpu", "samples", "scene", "shader"},
     "reference": {"errors", "files", "machine", "reference", "samples", "scene"},
     "report": {"errors", "files", "metrics", "report", "results", "samples", "scene", "stats", "studies"},
@@ -44,6 +45,9 @@ ONLY = {
 # Who may import a package at all.
 PACKAGES = {"moderngl": {"gpu"}, "mitsuba": {"machine", "reference", "scene"},
             "drjit": {"machine", "reference", "scene"}}
+# Who may say the name of a renderer, besides the room that it stands in: all others open estimators.
+OPENERS = {"gpu", "reference", "estimators"}
+RENDERERS = {"TracerRenderer", "ReferenceRenderer"}
 MAX_LINES = 450
 
 
@@ -88,6 +92,11 @@ class TestModule:
         packages = {name.split(".")[0] for name in imports(path)}
         wrong = {name for name in packages & PACKAGES.keys() if part(path) not in PACKAGES[name]}
         assert not wrong, f"{part(path)} may not import {sorted(wrong)}"
+
+    def test_opens_no_renderer_but_through_an_estimator(self, path: Path) -> None:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        assert part(path) in OPENERS or not names & RENDERERS
 
     def test_begins_with_a_line_that_says_what_it_is_for(self, path: Path) -> None:
         docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))

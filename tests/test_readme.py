@@ -84,7 +84,8 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench, "run", lambda **options: [BENCH_ROW])
     monkeypatch.setattr(calibration_module, "calibrate", lambda *arguments, **options: calibration())
 
-    monkeypatch.setattr(report_command, "_exhibited", lambda: ((), False))  # minutes; they have tests of their own
+    # Minutes; they have tests of their own.
+    monkeypatch.setattr("harness.course.memo.remembered_exhibits", lambda *arguments, **options: ((), False))
 
     def small(path: Path) -> Scene:
         return load_scene(path, width=16, height=12)

@@ -32,6 +32,8 @@ const float MARCH_RELAXATION = 1.8;
 // But no nearer to where the tangent of f reaches zero than this part of the way: the surface is likely there.
 const float MARCH_TANGENT = 0.9;
 const float SMALLEST_STEP = 1e-6;  // radii; rounding may leave the parabola's root where the ray already is
+// The way to an axis, or a corner of the ramp, where there is none: no limit to any step.
+const float FAR = 1e30;
 
 // A displaced sphere's place and the bounds of harness.scene.displaced.Bounds.
 struct DisplacedSphere {

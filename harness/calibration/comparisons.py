@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.files import data_dir
-from harness.gpu.renderer import TracerRenderer
+from harness.estimators.base import Renderer
+from harness.estimators.tracer import Tracer
 from harness.progress import Advance, Progress, quiet
 from harness.samples.estimate import with_luminance
-from harness.scene import load_scene
+from harness.scene import SceneFile
 from harness.stats.calibration import (
     NO_TOLERANCE,
     FalseAlarms,
@@ -91,19 +91,15 @@ def synthetic_pairs(ours: str, theirs: str, spp: int, comparisons: int, seed: in
 def rendered_pairs(name: str, ours: str, theirs: str, comparisons: int,
                    advance: Advance = lambda n: None) -> Iterator[Pair]:
     """Independent estimates of a bundled scene by two strategies of the tracer; every replica is drawn once."""
-    scene = load_scene(data_dir("mitsuba_scenes") / f"{name}.xml", width=SIDE, height=SIDE)
-    renderers = [TracerRenderer(scene, strategy) for strategy in (ours, theirs)]
-    try:
+    scene = SceneFile.bundled(name, (SIDE, SIDE))
+    with Tracer(ours).open(scene) as test, Tracer(theirs).open(scene) as reference:
         for number in range(comparisons):
             first = number * BATCHES
-            yield (_estimate(renderers[0], first), _estimate(renderers[1], REFERENCE_REPLICAS + first))
+            yield _estimate(test, first), _estimate(reference, REFERENCE_REPLICAS + first)
             advance(2)
-    finally:
-        for renderer in renderers:
-            renderer.release()
 
 
-def _estimate(renderer: TracerRenderer, first: int) -> TileSamples:
+def _estimate(renderer: Renderer, first: int) -> TileSamples:
     tiles = TileAccumulator(tile_size(SIDE, SIDE))
     for replica in range(first, first + BATCHES):
         batch = renderer.render_batch(replica, 0, SPP)

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -16,8 +12,7 @@ import numpy as np
 
 from harness.gates import Gate, GatesFile, References
 from harness.gates.budget import too_small
-from harness.gates.model import MitsubaReference
-from harness.gates.runner import check_gate, tracer
+from harness.gates.runner import check_gate, opened
 from harness.progress import Progress, quiet
 from harness.samples.store import Store
 from harness.stats.bias import Outcome
@@ -25,8 +20,9 @@ from harness.stats.rates import Where
 from harness.stats.resampling import Patch, centred, draws, resampled, shaded_patches
 from harness.stats.suites import BIASES, MISSED, GatePower, GateRates, SuiteRates
 from harness.stats.synthetic import with_gain
-from harness.stats.tiles import MAX_BATCHES, ImageMoments, TileSamples, tile_size
-from harness.work.run import Run
+from harness.stats.tiles import MAX_BATCHES, ImageMoments, TileSamples
+from harness.work.executors import executor
+from harness.work.run import FixedRun, Run
 
 # A bank holds so many budgets of the tracer's replicas, and one of Mitsuba's, which cost three times as much.
 BUDGETS = 2
@@ -38,7 +34,6 @@ LADDER = 1.1 ** np.arange(-14, 15)
 # Streams of `draws`. All gates draw the same replicas on a side, as they do in a real run: what noise they share
 # (gates of one scene the reference, strategies the random numbers) stays shared.
 TEST, REFERENCE, PATCHES = range(3)
-BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
 Ending = Outcome | Literal["refused"]
 
@@ -79,9 +74,10 @@ def run_banks(family: GatesFile, banks: Sequence[GateBank], runs: int, *, jobs: 
     """The same, once the banks of the file's gates are there."""
     with progress(len(banks), "simulated runs") as advance:
         found: list[Simulated] = []
-        for each in _each(partial(simulate, runs=runs), banks, jobs):
-            found.append(each)
-            advance(1)
+        with executor("serial" if jobs == 1 else "processes", min(jobs, len(banks))) as workers:
+            for each in workers.map(partial(simulate, runs=runs), banks):
+                found.append(each)
+                advance(1)
     endings = np.array([each.endings for each in found])
     return SuiteRates(family.path.name, family.false_alarms, family.gates[0].fail_level, runs,
                       int((endings == "fail").any(axis=0).sum()), int((endings != "pass").any(axis=0).sum()),
@@ -93,32 +89,28 @@ def gather(gates: Sequence[Gate], store: Store | None = None, progress: Progress
 
     HarnessError as `run_gate` raises it, and where a gate's samples are not finite, with which it always fails.
     """
-    references = References(store)
     banks: list[GateBank] = []
-    with progress(len(gates), "replicas to draw from") as advance:
+    with References(store) as references, progress(len(gates), "replicas to draw from") as advance:
         for gate in gates:
-            scene = check_gate(gate)
-            theirs = references.of(gate, scene)
+            film = check_gate(gate)
+            theirs = references.of(gate)
             theirs.grow(gate.replicas)
-            renderer = tracer(gate, scene)
-            try:
-                ours = Run(renderer, gate.spp, tile_size(scene.height, scene.width))
+            with opened(gate) as renderer:
+                ours = Run(renderer, gate.spp)
                 ours.grow(min(BUDGETS * gate.replicas, MAX_BATCHES))
-            finally:
-                renderer.release()
             drawn = ours.estimate()
-            if drawn.rejected > gate.not_finite * drawn.samples * scene.width * scene.height:
+            if drawn.rejected > gate.not_finite * drawn.samples * film.width * film.height:
                 raise gate.error(f"{drawn.rejected} samples are not finite, with which the gate fails; mend that first")
-            banks.append(_bank(gate, ours.tiles(ours.replicas), theirs.tiles(gate.replicas)))
+            banks.append(_bank(gate, ours.tiles(), theirs))
             advance(1)
     return banks
 
 
-def _bank(gate: Gate, ours: TileSamples, theirs: TileSamples) -> GateBank:
+def _bank(gate: Gate, ours: TileSamples, run: Run | FixedRun) -> GateBank:
+    theirs = run.tiles(gate.replicas)
     exact = theirs.samples.sum() == 0
     truth = theirs.means.mean(axis=0)
-    return GateBank(gate, centred(ours, truth), theirs if exact else centred(theirs, truth),
-                    isinstance(gate.reference, MitsubaReference))
+    return GateBank(gate, centred(ours, truth), theirs if exact else centred(theirs, truth), isinstance(run, Run))
 
 
 def simulate(bank: GateBank, runs: int) -> Simulated:
@@ -226,28 +218,3 @@ def first_true(holds: Callable[[int], bool], end: int, start: int) -> int:
         step *= 2
         guess = outwards if low < outwards < high and (low == -1 or high == end) else (low + high) // 2
     return high
-
-
-def _each(work: partial[Simulated], banks: Sequence[GateBank], jobs: int) -> Iterator[Simulated]:
-    """The work on each bank, in order; with several jobs in processes started afresh, for a forked one would inherit
-    the GL context."""
-    if jobs == 1:
-        yield from map(work, banks)
-        return
-    context = multiprocessing.get_context("spawn")
-    with _single_threaded(), ProcessPoolExecutor(min(jobs, len(banks)), mp_context=context) as pool:
-        yield from pool.map(work, banks)
-
-
-@contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Processes that are started inside multiply matrices with one thread: with more they wait for each other."""
-    before = os.environ.get(BLAS_THREADS)
-    os.environ[BLAS_THREADS] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[BLAS_THREADS]
-        else:
-            os.environ[BLAS_THREADS] = before

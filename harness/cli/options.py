@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +14,7 @@ from harness.errors import HarnessError
 
 if TYPE_CHECKING:
     from harness.samples.store import Store
-    from harness.scene import Scene
+    from harness.scene import Scene, SceneFile
 
 # The metadata in which `harness render` and `harness reference` note the scene's content hash.
 SCENE_HASH = "harness.scene"
@@ -33,6 +33,10 @@ BYTES_PER_PIXEL = 600
 
 SceneArgument = Annotated[Path, typer.Argument(help="A Mitsuba 3 scene file (.xml).", show_default=False)]
 SizeOption = Annotated[str | None, typer.Option("--size", metavar="WxH", help="Image size instead of the film's.")]
+SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A value for a <default> "
+                                                       "parameter of the scene; may be given several times.")]
+ExecutorOption = Annotated[str, typer.Option("--executor", help="Where samples are drawn: serial (in this process), or "
+                                                 "processes.")]
 SppOption = Annotated[int, typer.Option("--spp", min=1, max=MAX_SPP, help="Samples per pixel.")]
 CacheOption = Annotated[bool, typer.Option("--cache/--no-cache", help="Keep batches on disk, and use those kept.")]
 ToleranceOption = Annotated[float, typer.Option("--tolerance", min=1e-9, max=1.0,
@@ -41,19 +45,44 @@ ConfidenceOption = Annotated[float, typer.Option("--confidence", min=0.5, max=0.
                                                  help="Confidence of intervals and verdicts.")]
 
 
-def open_scene(path: Path, size: str | None = None) -> Scene:
-    """Load the scene, with the size given on the command line, and say what was replaced in it.
+def scene_file(path: Path, size: str | None = None, parameters: Sequence[str] | None = None) -> SceneFile:
+    """The scene file with the size and the parameters given on the command line. HarnessError for malformed ones."""
+    from harness.scene import SceneFile
+
+    width, height = parse_size(size)
+    given = {}
+    for text in parameters or ():
+        name, equals, value = text.partition("=")
+        if not (name.strip() and equals):
+            raise HarnessError(f"--set: expected NAME=VALUE, such as alpha=10; found '{text}'")
+        given[name.strip()] = value.strip()
+    return SceneFile(path, tuple(given.items()), (width, height) if width and height else None)
+
+
+def open_scene(file: Path | SceneFile, size: str | None = None) -> Scene:
+    """Our reading of a scene, with the size given on the command line; says what was replaced in it.
 
     HarnessError, besides what the scene's file gives reason for, when this machine's memory cannot hold its image.
     """
-    from harness.scene import load_scene
+    from harness.scene import load
 
-    width, height = parse_size(size)
-    scene = load_scene(path, width=width, height=height)
-    _require_memory(scene)
+    file = scene_file(file, size) if isinstance(file, Path) else file
+    scene = load(file)
+    require_memory(file)
     for note in scene.notes:
-        log(f"{path}: note: {note}")
+        log(f"{file.path}: note: {note}")
     return scene
+
+
+def scene_hash(file: SceneFile) -> str:
+    """By which images of one scene know each other: our reading's where there is one, else that of the file."""
+    from harness.errors import SceneError
+    from harness.scene import load
+
+    try:
+        return load(file).content_hash
+    except SceneError:
+        return file.hash
 
 
 def parse_size(size: str | None) -> tuple[int | None, int | None]:
@@ -99,11 +128,13 @@ def not_finite(samples: int) -> str:
             "or a root or power of a negative number")
 
 
-def _require_memory(scene: Scene) -> None:
+def require_memory(file: SceneFile) -> None:
+    """HarnessError when this machine's memory cannot hold the scene's image."""
     from harness.machine.doctor import memory_limit
 
-    needed, limit = scene.width * scene.height * BYTES_PER_PIXEL, memory_limit()
+    film = file.film
+    needed, limit = film.width * film.height * BYTES_PER_PIXEL, memory_limit()
     if needed > limit:
-        raise HarnessError(f"{scene.path}: an image of {scene.width} x {scene.height} pixels takes about "
+        raise HarnessError(f"{file.path}: an image of {film.width} x {film.height} pixels takes about "
                            f"{needed / 2**30:.1f} GiB of memory, this machine has {limit / 2**30:.1f}; "
                            "choose a smaller --size")

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harness.cli.options import CacheOption, SceneArgument, SizeOption, SppOption, not_finite, open_scene, open_store
+from harness.cli.options import (
+    CacheOption,
+    SceneArgument,
+    SetOption,
+    SizeOption,
+    SppOption,
+    not_finite,
+    open_scene,
+    open_store,
+    require_memory,
+    scene_file,
+    scene_hash,
+)
 from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.estimators.base import Renderer
+    from harness.estimators.base import Estimator
     from harness.samples.estimate import Estimate
-    from harness.scene import Scene
+    from harness.scene import SceneFile
 
 OutputOption = Annotated[Path | None, typer.Option(
     "--output", "-o", help="File to write: .exr (linear, with variance and metadata) or .png (ready to look at); "
@@ -30,6 +43,7 @@ def render(
     spp: SppOption = 256,
     replica: ReplicaOption = 0,
     size: SizeOption = None,
+    parameters: SetOption = None,
     output: OutputOption = None,
     cache: CacheOption = True,
     json: JsonOption = False,
@@ -38,16 +52,17 @@ def render(
 
     Example: `harness render mitsuba_scenes/spheres.xml --strategy mixture --spp 1024 -o spheres.exr`
     """
-    from harness.gpu.renderer import TracerRenderer
-    from harness.shader.strategies import check_strategy
+    from harness.estimators.tracer import Tracer
 
-    loaded = open_scene(scene, size)
-    judged = check_strategy(loaded, strategy)
+    file = scene_file(scene, size, parameters)
+    loaded = open_scene(file)
+    estimator = Tracer(strategy)
+    warning = estimator.check(file)
     target = _target(output, scene.stem)
-    if not judged.suits:
-        log(f"{scene}: warning: strategy '{strategy}': {judged.warning}")
-    renderer = TracerRenderer(loaded, strategy)
-    _render(renderer, loaded, target, spp, replica, cache, json, {"strategy": strategy})
+    if warning:
+        log(f"{scene}: warning: strategy '{strategy}': {warning}")
+    labels = {"strategy": strategy, "exposure": loaded.exposure}
+    _render(estimator, file, target, Asked(spp, replica, cache, json), labels)
 
 
 def reference(
@@ -55,19 +70,29 @@ def reference(
     spp: SppOption = 1024,
     replica: ReplicaOption = 0,
     size: SizeOption = None,
+    parameters: SetOption = None,
+    integrator: Annotated[str, typer.Option("--integrator", help="The scene file's own ('file'), or another of "
+                                            "Mitsuba's: path, volpath, ptracer, ...")] = "file",
+    variant: Annotated[str, typer.Option("--variant", help="Mitsuba's variant, such as llvm_ad_spectral.")]
+    = "llvm_ad_rgb",
     output: OutputOption = None,
     cache: CacheOption = True,
     json: JsonOption = False,
 ) -> None:
-    """Render the same scene with Mitsuba 3 and the equivalent Phong BSDF.
+    """Render any Mitsuba 3 scene with Mitsuba, ours with the equivalent Phong BSDF.
+
+    Its film gets a box filter and its sensor an independent sampler; all else is as the file says.
 
     Example: `harness reference mitsuba_scenes/spheres.xml --spp 16384 -o truth.exr`
     """
-    from harness.reference.renderer import ReferenceRenderer
+    from harness.estimators.mitsuba import Mitsuba
 
-    loaded = open_scene(scene, size)
+    file = scene_file(scene, size, parameters)
+    require_memory(file)
+    estimator = Mitsuba(integrator, variant=variant)
     target = _target(output, f"{scene.stem}-reference")
-    _render(ReferenceRenderer(loaded), loaded, target, spp, replica, cache, json, {"strategy": "mitsuba path"})
+    _render(estimator, file, target, Asked(spp, replica, cache, json),
+            {"strategy": estimator.name, "exposure": file.film.exposure})
 
 
 def _target(output: Path | None, stem: str) -> Path:
@@ -81,26 +106,41 @@ def _target(output: Path | None, stem: str) -> Path:
     return target
 
 
-def _render(renderer: Renderer, scene: Scene, target: Path, spp: int, replica: int, cache: bool, json: bool,
-            labels: dict[str, Any]) -> None:
+@dataclass(frozen=True)
+class Asked:
+    """What both commands are asked for."""
+
+    spp: int
+    replica: int
+    cache: bool
+    json: bool
+
+
+def _render(estimator: Estimator, file: SceneFile, target: Path, asked: Asked, labels: dict[str, Any]) -> None:
+    from harness.cli.options import SCENE_HASH
     from harness.samples.exr import write_estimate
     from harness.samples.images import write_png
     from harness.work.batches import render_estimate
 
-    with progress(spp, f"{scene.name} {labels['strategy']}") as advance:
-        result = render_estimate(renderer, spp, replica=replica, store=open_store(cache), advance=advance)
-    facts = {**labels, "scene": scene.name, "spp": spp, "replica": replica, "exposure": scene.exposure,
-             **{f"harness.{key}": value for key, value in renderer.identity.items()}}
+    with estimator.open(file) as renderer, progress(asked.spp, f"{file.name} {labels['strategy']}") as advance:
+        result = render_estimate(renderer, asked.spp, replica=asked.replica, store=open_store(asked.cache),
+                                 advance=advance)
+        identity = dict(renderer.identity)
+        if "integrator" in identity:  # the file's own has a name, too
+            labels["strategy"] = f"mitsuba {identity['integrator']}"
+    facts = {**labels, "scene": file.name, "spp": asked.spp, "replica": asked.replica,
+             **{f"harness.{key}": value for key, value in identity.items()}, SCENE_HASH: scene_hash(file)}
     if target.suffix.lower() == ".png":
-        write_png(target, result.mean, scene.exposure)
+        write_png(target, result.mean, labels["exposure"])
     else:
         write_estimate(target, result, facts)
     if result.rejected:
         log(f"warning: {target}: {not_finite(result.rejected)}")
-    if json:
-        print_json({"output": target, **facts, "size": [scene.width, scene.height], **_numbers(result)})
+    height, width = result.mean.shape[:2]
+    if asked.json:
+        print_json({"output": target, **facts, "size": [width, height], **_numbers(result)})
     else:
-        print(f"{target}: {scene.width} x {scene.height}, {spp} spp, {_speed(result):.3g} million samples a CPU second")
+        print(f"{target}: {width} x {height}, {asked.spp} spp, {_speed(result):.3g} million samples a CPU second")
 
 
 def _numbers(result: Estimate) -> dict[str, Any]:

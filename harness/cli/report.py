@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json as json_module
 import time
 from collections.abc import Sequence
@@ -17,14 +16,9 @@ from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError, StoreError
 
 if TYPE_CHECKING:
-    from harness.results import Exhibit, StudyResult
+    from harness.results import Exhibit
     from harness.scene import Scene
     from harness.stats.calibration import Calibration
-    from harness.studies.plan import Profile
-
-# What a study's numbers depend on besides its scene and settings: the code that makes them.
-_CODE = ("samples", "metrics.py", "policy.py", "work", "studies", "results.py", "scene", "stats", "shader", "gpu",
-         "reference", "course")
 
 
 def report(
@@ -46,26 +40,30 @@ def report(
     """
     from harness.files import data_dir, require_writable
     from harness.report import build_report
+    from harness.studies.memo import remembered_study
     from harness.studies.plan import PROFILES, judged
 
     began = time.perf_counter()
     loaded = _open_all(scenes or sorted(data_dir("mitsuba_scenes").glob("*.xml")))
     require_writable(output / "report.pdf")
+    store = open_store(True)
     results = []
     elapsed = {}
     family = judged(loaded)
     with progress(len(loaded), f"report ({profile})") as advance:
         for scene in loaded:
             scene_began = time.perf_counter()
-            result, fresh = _studied(scene, PROFILES[profile], family)
+            result, fresh = remembered_study(scene, PROFILES[profile], family, store, warn=_warn, progress=progress)
             results.append(result)
             if fresh:
                 elapsed[scene.name] = time.perf_counter() - scene_began
             advance(1)
     exhibits: Sequence[Exhibit] = ()
     if not scenes:
+        from harness.course.memo import remembered_exhibits
+
         began_exhibits = time.perf_counter()
-        exhibits, fresh = _exhibited()
+        exhibits, fresh = remembered_exhibits(store, warn=_warn, progress=progress)
         if fresh:
             elapsed["the handout's errors"] = time.perf_counter() - began_exhibits
     pdf = build_report(results, output, profile=profile, bench=_benchmark(output / BENCH_FILE), elapsed=elapsed,
@@ -138,65 +136,5 @@ def _calibration(path: Path) -> Calibration | None:
         return None
 
 
-def _studied(scene: Scene, profile: Profile, family: int) -> tuple[StudyResult, bool]:
-    """The study of one scene, and whether it was made now.
-
-    It is read back where scene, settings and code are the same as when it was made, and as many verdicts (`family`)
-    share the rate of false alarms.
-    """
-    from harness.files import cache_dir
-    from harness.scene import describe
-    from harness.studies.plan import exhibited_strategies
-    from harness.studies.storage import STUDY_FILE, load_study, save_study
-    from harness.studies.study import study
-    from harness.work.provenance import versions
-
-    key = {"scene": scene.content_hash, "name": scene.name, "exposure": scene.exposure, "notes": scene.notes,
-           "strategies": exhibited_strategies(scene),
-           "description": describe(scene.path) if scene.path else "", "spp": profile.spp, "replicas": profile.replicas,
-           "reference_spp": profile.reference_spp, "family": family, "code": _code_hash(), **versions()}
-    digest = hashlib.sha256(json_module.dumps(key, sort_keys=True).encode()).hexdigest()[:24]
-    folder = cache_dir() / "studies" / digest
-    if (folder / STUDY_FILE).exists():
-        try:
-            return load_study(folder), False
-        except StoreError as error:
-            log(f"warning: {error.args[0].partition(';')[0]}; the study is made again")
-    result = study(scene, exhibited_strategies(scene), spp=profile.spp, replicas=profile.replicas,
-                   reference_spp=profile.reference_spp, family=family, store=open_store(True), progress=progress)
-    save_study(result, folder)
-    return result, True
-
-
-def _exhibited() -> tuple[Sequence[Exhibit], bool]:
-    """The handout's errors, and whether they were measured now: read back where the code is the same."""
-    from harness.course import load_exhibits, measure_exhibits, save_exhibits
-    from harness.files import cache_dir
-    from harness.work.provenance import versions
-
-    key = json_module.dumps({"code": _code_hash(), **versions()}, sort_keys=True)
-    folder = cache_dir() / "exhibits" / hashlib.sha256(key.encode()).hexdigest()[:24]
-    if folder.exists():
-        try:
-            return load_exhibits(folder), False
-        except StoreError as error:
-            log(f"warning: {error.args[0].partition(';')[0]}; the exhibits are measured again")
-    exhibits = measure_exhibits(open_store(True), progress)
-    save_exhibits(exhibits, folder)
-    return exhibits, True
-
-
-def _code_hash() -> str:
-    import harness
-    from harness.files import data_dir
-
-    package = Path(harness.__file__).parent if harness.__file__ else None
-    if package is None:
-        raise HarnessError("the harness package has no folder; install it as a normal package")
-    digest = hashlib.sha256()
-    roots = [package / name for name in _CODE] + [data_dir("glsl")]
-    for root in roots:
-        for file in sorted(root.rglob("*")) if root.is_dir() else [root]:
-            if file.suffix in (".py", ".glsl", ".frag"):
-                digest.update(file.read_bytes())
-    return digest.hexdigest()
+def _warn(message: str) -> None:
+    log(f"warning: {message}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,11 +12,14 @@ from harness.cli.options import (
     MAX_SPP,
     CacheOption,
     ConfidenceOption,
+    ExecutorOption,
     SceneArgument,
+    SetOption,
     SizeOption,
     not_finite,
     open_scene,
     open_store,
+    scene_file,
     warn_of_other_scene,
 )
 from harness.cli.output import JsonOption, log, print_json, print_rich, progress
@@ -40,11 +44,15 @@ def study(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to keep the result in: study.json "
                                                 "and images.")] = None,
     size: SizeOption = None,
+    parameters: SetOption = None,
     tolerance: Annotated[float | None, typer.Option(
         "--tolerance", min=1e-9, max=1.0, help="Bias, relative to the mean, that still counts as equivalent; 0.002 if "
                                                 "not given, 0.005 where the reference shows meshes. Tiles have 6.25 "
                                                 "and 25 times that.")] = None,
     confidence: ConfidenceOption = 0.95,
+    executor: ExecutorOption = "serial",
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=256, help="Processes; one a core if not given.")]
+    = os.cpu_count() or 1,
     cache: CacheOption = True,
     json: JsonOption = False,
 ) -> int:
@@ -56,20 +64,26 @@ def study(
     Example: `harness study mitsuba_scenes/spheres.xml --strategies uniform,cosine,mixture --spp 4096 --replicas 8`
     """
     from harness.studies.study import study as run_study
+    from harness.work import executors
 
     names = _names(strategies)
     if reference and reference_spp:
         raise HarnessError("--reference-spp is for an image yet to be rendered; leave it out, or --reference")
-    loaded = open_scene(scene, size)
+    loaded = open_scene(scene_file(scene, size, parameters))
     ready = _open_reference(reference, loaded) if reference else None
     if output:
         from harness.files import require_writable
         from harness.studies.storage import STUDY_FILE, save_study  # brings matplotlib
 
         require_writable(output / STUDY_FILE)
-    result = run_study(
-        loaded, names, spp=spp, replicas=replicas, reference_spp=reference_spp, reference=ready, tolerance=tolerance,
-        confidence=confidence, store=open_store(cache), progress=progress)
+    store = open_store(cache)
+    if executor != "serial" and store is None:
+        raise HarnessError("--executor processes hands samples over through the cache; leave out --no-cache")
+    with executors.executor(executor, jobs) as workers:
+        result = run_study(
+            loaded, names, spp=spp, replicas=replicas, reference_spp=reference_spp, reference=ready,
+            tolerance=tolerance, confidence=confidence, store=store,
+            executor=workers if executor != "serial" else None, progress=progress)
     for item in result.strategies:
         if not item.suits:
             log(f"warning: strategy '{item.strategy}': {item.warning}")

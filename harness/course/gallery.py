@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,13 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import StoreError
+from harness.estimators.tracer import Tracer
 from harness.files import require_writable
-from harness.gpu.renderer import TracerRenderer
 from harness.progress import Progress, quiet
 from harness.samples.estimate import Batch
 from harness.samples.exr import read_estimate, write_batch
 from harness.samples.images import write_png
-from harness.scene import Scene
+from harness.samples.keys import digest
+from harness.scene import Scene, file_of
 
 # Seconds between two states of a picture on disk: what an interruption may cost, and how old the picture is at most.
 SAVE_SECONDS = 20.0
@@ -67,9 +66,8 @@ def render_picture(scene: Scene, spp: int, folder: Path, *, strategy: str = "mix
     exr, png = folder / f"{scene.name}.exr", folder / f"{scene.name}.png"
     for path in (exr, png):
         require_writable(path)
-    renderer = TracerRenderer(scene, strategy)
-    try:
-        state = _State(scene, exr, png, _digest(renderer))
+    with Tracer(strategy).open(file_of(scene)) as renderer:
+        state = _State(scene, exr, png, digest(dict(renderer.identity), 16))
         resumed = written = state.samples
 
         def picture() -> Picture:
@@ -93,15 +91,13 @@ def render_picture(scene: Scene, spp: int, folder: Path, *, strategy: str = "mix
         if not png.exists():
             state.save()
         return picture()
-    finally:
-        renderer.release()
 
 
 class _State:
     """The sum of a picture's samples, as it is in memory and as it was last on disk."""
 
-    def __init__(self, scene: Scene, exr: Path, png: Path, digest: str) -> None:
-        self._scene, self._exr, self._png, self._digest = scene, exr, png, digest
+    def __init__(self, scene: Scene, exr: Path, png: Path, picture: str) -> None:
+        self._scene, self._exr, self._png, self._picture = scene, exr, png, picture
         self._total = np.zeros((scene.height, scene.width, 3))
         self.rejected = 0
         self.samples = 0
@@ -110,9 +106,9 @@ class _State:
 
     def _read(self) -> None:
         found, facts = read_estimate(self._exr)
-        if facts.get("picture") != self._digest:
-            raise StoreError(f"{self._exr}: another picture (another scene, size, shader or driver); move it away, or "
-                             "render into another folder")
+        if facts.get("picture") != self._picture:
+            raise StoreError(f"{self._exr}: another picture (another scene, size, shader, code or driver); move it "
+                             "away, or render into another folder")
         self._total = found.mean * found.samples
         self.samples = found.samples
         self.rejected = int(facts["not_finite"])
@@ -126,11 +122,6 @@ class _State:
         """Write both files; the samples that they hold."""
         mean = self._total / self.samples
         write_batch(self._exr, Batch(mean.astype(np.float32), self.samples), {
-            "picture": self._digest, "scene": self._scene.name, "spp": self.samples, "not_finite": self.rejected})
+            "picture": self._picture, "scene": self._scene.name, "spp": self.samples, "not_finite": self.rejected})
         write_png(self._png, mean, self._scene.exposure)
         return self.samples
-
-
-def _digest(renderer: TracerRenderer) -> str:
-    """What the pixels depend on besides the number of samples."""
-    return hashlib.sha256(json.dumps(renderer.identity, sort_keys=True).encode()).hexdigest()[:16]

@@ -6,20 +6,21 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from harness import checks
 from harness.api import render_reference
-from harness.course import checks
+from harness.checks.shader import random_numbers as numbers_of
 from harness.course.pictures import HEIGHT, WIDTH, mean_error, percentage
 from harness.course.texts import exhibit
 from harness.course.variants import NOISE, OURS, RANDOM, Variant
-from harness.files import data_dir
+from harness.estimators.tracer import Tracer
 from harness.metrics import rmse
 from harness.policy import judge
 from harness.reference.sine import sine
 from harness.results import Exhibit, ExhibitImage, Finding, Plot, Series
 from harness.samples.estimate import Accumulator, Estimate, luminance
 from harness.samples.store import Store
-from harness.scene import Scene, load_scene
-from harness.scene.noise import NUMPY, value_noise
+from harness.scene import Scene, SceneFile, load
+from harness.scene.noise import NUMPY, OCTAVE, UINT32, value_noise
 from harness.stats.convergence import band
 from harness.studies.study import study
 from harness.work.batches import batches
@@ -30,9 +31,8 @@ BOTH = (("handout", RANDOM), ("ours", OURS))
 LATE, LATEST = (20_000, 100_000), 1_000_000
 NOISE_SPP = 256
 CURVE_SPP, TRUTH_SPP = 2048, 4096
-# A generator of 24-bit numbers repeats itself as often as chance has it (a standard deviation is 5e-4 of it), and a
-# number in 65,536 is a multiple of 1/256.
-ENOUGH_VALUES, TOO_COARSE = 0.99, 1e-3
+# Of numbers of 24 bits, one in 65,536 is a multiple of 1/256.
+TOO_COARSE = 1e-3
 # Relative deviation below which a pixel has no noise but that of float32 sums.
 ROUNDING = 1e-4
 # Textures of two renderers agree to 1e-5 where they share their hash; a hundred times that is another hash.
@@ -41,7 +41,7 @@ SAME_TEXTURE = 1e-3
 
 def random_numbers(store: Store | None) -> Exhibit:
     """The seed in a float32, and the generator that is a sine."""
-    scene = load_scene(data_dir("mitsuba_scenes") / "spheres.xml", width=96, height=72)
+    scene = load(SceneFile.bundled("spheres", (96, 72)))
     truth = OURS.render(scene, "mixture", TRUTH_SPP, store)
     reference = render_reference(scene, 4 * NOISE_SPP, store=store)
     verdicts = [judge(variant.render(scene, "mixture", 2 * NOISE_SPP, store), reference) for _, variant in BOTH]
@@ -62,12 +62,12 @@ def random_numbers(store: Store | None) -> Exhibit:
 
 def _number_findings() -> tuple[Finding, ...]:
     """What the numbers themselves show, without a scene."""
-    first = [checks.random_numbers(variant, 0)[..., :4].ravel() for _, variant in BOTH]
-    late = {number: [checks.random_numbers(variant, number)[..., 0] - 0.5 for _, variant in BOTH] for number in LATE}
-    shares = [checks.distinct_share(numbers) for numbers in first]
-    coarse = [float((numbers * 256 % 1 == 0).mean()) for numbers in first]
+    first = [numbers_of(variant.probe, 0)[..., :4].ravel() for _, variant in BOTH]
+    late = {number: [numbers_of(variant.probe, number)[..., 0] - 0.5 for _, variant in BOTH] for number in LATE}
+    few, enough = (checks.distinct(drawn) for drawn in first)
+    coarse = [float((drawn * 256 % 1 == 0).mean()) for drawn in first]
     return (Finding("distinct values", f"among {first[0].size:,} numbers of pass 0, as a share of those expected",
-                    shares[0], shares[1], "share", shares[0] < ENOUGH_VALUES, shares[1] > ENOUGH_VALUES),
+                    few.value, enough.value, "share", not few.passed, enough.passed),
             Finding("distinct values", "whole multiples of 1/256 among them; expected 0.0015 %", coarse[0], coarse[1],
                     "share", coarse[0] > TOO_COARSE, coarse[1] < TOO_COARSE),
             *(_correlated(f"rand() in pixels one above the other, pass {number:,}", fields, 0)
@@ -76,23 +76,21 @@ def _number_findings() -> tuple[Finding, ...]:
 
 def _correlated(measures: str, fields: Sequence[np.ndarray], axis: int) -> Finding:
     """The correlation of neighbours along an axis of two fields (H, W) of mean zero, the handout's and ours."""
-    found = [checks.correlation(np.delete(field, 0, axis), np.delete(field, -1, axis)) for field in fields]
-    caught, wrong = (checks.correlates(value, int(np.count_nonzero(fields[0]))) for value in found)
-    return Finding("neighbour correlation", measures, found[0], found[1], "number", caught, not wrong)
+    wrong, right = (checks.independent(np.delete(field, 0, axis), np.delete(field, -1, axis),
+                                       pairs=int(np.count_nonzero(fields[0]))) for field in fields)
+    return Finding("neighbour correlation", measures, wrong.value, right.value, "number", not wrong.passed,
+                   right.passed)
 
 
 def _rmse_curve(variant: Variant, scene: Scene, truth: Estimate, store: Store | None) -> Series:
     """RMSE of one run at the powers of two up to CURVE_SPP passes, the truth's own noise taken off."""
-    renderer = variant.renderer(scene, "mixture")
     total, x, y = Accumulator(), [], []
-    try:
+    with Tracer("mixture", variant.library).open(scene.file) as renderer:
         for batch in batches(renderer, CURVE_SPP, replica=3, store=store):
             total.add(batch)
             if total.samples & (total.samples - 1) == 0:
                 x.append(total.samples)
                 y.append(rmse(total.mean, truth.mean, noise=truth.variance))
-    finally:
-        renderer.release()
     return Series("ours" if variant is OURS else "handout", variant is OURS, np.array(x), np.array(y))
 
 
@@ -101,11 +99,8 @@ def _noise(variant: Variant, scene: Scene, start: int, truth: Estimate) -> np.nd
 
     Its mean is taken off; it is 0 where there is nothing but sky.
     """
-    renderer = variant.renderer(scene, "mixture")
-    try:
+    with Tracer("mixture", variant.library).open(scene.file) as renderer:
         found = renderer.render_batch(3, start, NOISE_SPP).mean
-    finally:
-        renderer.release()
     mean, deviation = luminance(truth.mean), np.sqrt(truth.luminance_variance * (TRUTH_SPP / NOISE_SPP))
     noisy = deviation > ROUNDING * mean
     standard = np.where(noisy, luminance(found) - mean, 0) / np.where(noisy, deviation, 1)
@@ -116,7 +111,7 @@ def _value_plot() -> Plot:
     """How often the steps of 1/4096 are hit within a 64th of the range at pass 0, per 1000 draws in there."""
     series = []
     for name, variant in BOTH:
-        values = checks.random_numbers(variant, 0).ravel()
+        values = numbers_of(variant.probe, 0).ravel()
         inside = values[(values >= 0.5) & (values < 0.5 + 1 / 64)]
         counts = np.bincount(((inside - 0.5) * 4096).astype(int), minlength=64)
         series.append(Series(name, name == "ours", 0.5 + np.arange(64) / 4096, 1000 * counts / len(inside)))
@@ -128,8 +123,8 @@ def _row_plot() -> Plot:
     passes = np.unique(np.geomspace(100, LATEST, 13).astype(int))
     series = []
     for name, variant in BOTH:
-        found = [checks.random_numbers(variant, int(number), side=128)[..., 0] - 0.5 for number in passes]
-        rows = np.array([checks.correlation(numbers[1:], numbers[:-1]) for numbers in found])
+        found = [numbers_of(variant.probe, int(number), side=128)[..., 0] - 0.5 for number in passes]
+        rows = np.array([checks.correlation(drawn[1:], drawn[:-1]) for drawn in found])
         series.append(Series(name, name == "ours", passes, rows))
     return Plot("Correlation of rand() between rows", "pass", "x", tuple(series))
 
@@ -179,7 +174,7 @@ def _fbm(points: np.ndarray, noise: Callable[[np.ndarray, int], np.ndarray]) -> 
     for _ in range(OCTAVES):
         total += weight * noise(at, seed)
         weights, weight, at = weights + weight, weight * GAIN, at * LACUNARITY
-        seed = seed + 0x9E3779B9 & 0xFFFFFFFF
+        seed = seed + OCTAVE & UINT32
     return np.asarray(total / weights)
 
 
@@ -228,7 +223,7 @@ def _grey(values: np.ndarray) -> np.ndarray:
 
 def convergence(store: Store | None) -> Exhibit:
     """Importance sampling reduces what the handout says it augments."""
-    scene = load_scene(data_dir("mitsuba_scenes") / "spheres.xml", width=WIDTH // 2, height=HEIGHT // 2)
+    scene = load(SceneFile.bundled("spheres", (WIDTH // 2, HEIGHT // 2)))
     result = study(scene, ("uniform", "mixture"), spp=256, replicas=4, max_replicas=4, reference_spp=1024, store=store)
     slow, fast = result.strategies
     ratios = (slow.rmse[:, -1] / fast.rmse[:, -1]) ** 2

@@ -3,63 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from harness.files import data_dir
+from harness.api import estimate
+from harness.estimators.tracer import Tracer
 from harness.gpu.probes import evaluate
-from harness.gpu.renderer import TracerRenderer
 from harness.samples.estimate import Estimate
 from harness.samples.store import Store
-from harness.scene import Scene
-from harness.shader.overrides import override
-from harness.shader.scene.chunk import scene_chunk
-from harness.shader.source import ShaderSource, assemble
-from harness.work.batches import render_estimate
+from harness.scene import Scene, SceneFile
+from harness.shader.library import OURS as OUR_LIBRARY
+from harness.shader.library import Library
 
 
 @dataclass(frozen=True)
 class Variant:
-    """Chunks of glsl/course/ that take the place of the library's functions, and what they need defined."""
+    """Our library, or one with chunks of glsl/course/ in place of its functions."""
 
-    chunks: tuple[str, ...] = ()
-    defines: Mapping[str, object] = field(default_factory=dict)
+    library: Library = OUR_LIBRARY
 
-    def source(self, scene: Scene, strategy: str) -> ShaderSource:
-        """The path tracer for one scene and strategy, with these functions in it."""
-        root = data_dir("glsl")
-        generated = {"scene.glsl": scene_chunk(scene, strategy), **override(root, *self.chunks)}
-        return assemble("path_tracer.frag", root, generated, self.defines)
-
-    def renderer(self, scene: Scene, strategy: str) -> TracerRenderer:
-        """The tracer with these functions; raises ShaderError where they do not compile."""
-        return TracerRenderer(scene, strategy, self.source(scene, strategy))
-
-    def render(self, scene: Scene, strategy: str, spp: int, store: Store | None) -> Estimate:
-        """Mean and variance of `spp` samples per pixel."""
-        renderer = self.renderer(scene, strategy)
-        try:
-            return render_estimate(renderer, spp, store=store)
-        finally:
-            renderer.release()
+    def render(self, scene: Scene | SceneFile, strategy: str, spp: int, store: Store | None) -> Estimate:
+        """Mean and variance of `spp` samples per pixel. ShaderError where the functions do not compile."""
+        return estimate(Tracer(strategy, self.library), scene, spp, store=store)
 
     def probe(self, name: str, *inputs: np.ndarray, outputs: int = 1, uniforms: Mapping[str, Any] | None = None,
               defines: Mapping[str, object] | None = None) -> np.ndarray:
         """`probes.evaluate` with these functions, as float64."""
-        found = evaluate(name, *inputs, outputs=outputs, uniforms=uniforms, defines={**self.defines, **(defines or {})},
-                         generated=override(data_dir("glsl"), *self.chunks))
+        found = evaluate(name, *inputs, outputs=outputs, uniforms=uniforms, defines=defines, library=self.library)
         return found.astype(np.float64)
 
 
+def _with(*chunks: str, defines: Mapping[str, object] | None = None) -> Variant:
+    return Variant(Library().with_functions(*(f"course/{chunk}.glsl" for chunk in chunks), defines=defines))
+
+
 OURS = Variant()
-LOBE_PDF = Variant(("course/lobe_pdf.glsl", "course/brdf.glsl"))
-REFLECT = Variant(("course/reflect.glsl",))
-REFLECT_REPAIRED = Variant(("course/reflect_repaired.glsl",))
-TANGENT = Variant(("course/tangent.glsl",))
-BELOW = {name: Variant(("course/below_surface.glsl",), {"BELOW": number})
+LOBE_PDF = _with("lobe_pdf", "brdf")
+REFLECT = _with("reflect")
+REFLECT_REPAIRED = _with("reflect_repaired")
+TANGENT = _with("tangent")
+BELOW = {name: _with("below_surface", defines={"BELOW": number})
          for number, name in enumerate(("kept", "folded up", "drawn again", "clamped"))}
-NOISE = Variant(("course/noise.glsl",))
+NOISE = _with("noise")
 # The handout's seed is written for an image of 1024² pixels; smaller renders are its lower left corner.
-RANDOM = Variant(("course/random.glsl",), {"IMAGE_SIZE": "vec2(1024.0)"})
+RANDOM = _with("random", defines={"IMAGE_SIZE": "vec2(1024.0)"})

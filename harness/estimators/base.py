@@ -42,6 +42,13 @@ class Estimator(Protocol):
         """What tables and messages call it: `mixture`, `mitsuba path`, `myrt`, …"""
         ...
 
+    def check(self, scene: SceneFile) -> str:
+        """Why its image of the scene must differ from the truth, in a sentence; empty where nothing is known of that.
+
+        HarnessError for a name that is none, SceneError for a scene that it does not understand.
+        """
+        ...
+
     def open(self, scene: SceneFile) -> AbstractContextManager[Renderer]:
         """The renderer of this estimator on a scene. HarnessError where it cannot render the scene."""
         ...

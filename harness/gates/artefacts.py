@@ -105,7 +105,7 @@ def as_json(result: GateResult) -> dict[str, Any]:
 
 
 def _facts(gate: Gate) -> dict[str, str]:
-    return {"why": gate.reason, "scene": gate.scene.stem, "strategy": gate.strategy, "origin": gate.origin,
+    return {"why": gate.reason, "scene": gate.scene.name, "strategy": gate.strategy, "origin": gate.origin,
             "command": command(gate)}
 
 

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import HarnessError
+from harness.estimators.base import Estimator
 from harness.samples.estimate import Estimate
+from harness.scene import SceneFile
 from harness.stats.bias import Outcome
 from harness.stats.levels import Looks
 from harness.stats.sequential import Sequence
@@ -26,54 +28,35 @@ MAX_SIDE = 1024
 
 
 @dataclass(frozen=True)
-class MitsubaReference:
-    """Mitsuba renders `spp` samples per pixel for each replica of the test."""
-
-    spp: int
-
-
-@dataclass(frozen=True)
-class FileReference:
-    """A ready image: an .exr of `harness reference` with its variance, or an exact one."""
-
-    path: Path
-
-
-@dataclass(frozen=True)
-class ValueReference:
-    """A closed form that is the same for all pixels: linear Rec.709 radiance."""
-
-    rgb: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
 class Gate:
-    """One scene rendered with one strategy must equal its reference, within a tolerance, for a reason.
+    """One estimator of a scene must equal another, within a tolerance, for a reason.
 
-    `spp` is of each replica and `replicas` the most that may be drawn: together the budget. `size`: (width, height),
-    the film's own where None. `not_finite`: the share of samples that may be neither finite nor counted. `shader`
-    stands in for path_tracer.frag; files in the folder `glsl` stand in for the library's of the same name.
-    `fail_level` and `pass_level` are those of `stats.sequential.Sequence`, the former this gate's share of its
-    family's. `origin`: file and line, where messages point; `entry`: the name of the entry of the file, which stands
-    for one gate a strategy.
+    `test` is judged, `reference` is what it is held against; `reference_spp`: samples per pixel of the reference for
+    each replica of the test, where it is drawn. `spp` is of each replica and `replicas` the most that may be drawn:
+    together the budget. `not_finite`: the share of samples that may be neither finite nor counted. `fail_level` and
+    `pass_level` are those of `stats.sequential.Sequence`, the former this gate's share of its family's. `origin`: file
+    and line, where messages point; `entry`: the name of the entry of the file, which stands for one gate a strategy.
     """
 
     name: str
-    scene: Path
-    strategy: str
+    scene: SceneFile
+    test: Estimator
     reason: str
-    reference: MitsubaReference | FileReference | ValueReference
+    reference: Estimator
+    reference_spp: int
     tolerance: Tolerance
     spp: int
     replicas: int
-    size: tuple[int, int] | None
     fail_level: float
     pass_level: float
     entry: str
     origin: str
     not_finite: float = 0.0
-    shader: Path | None = None
-    glsl: Path | None = None
+
+    @property
+    def strategy(self) -> str:
+        """What is judged, in a word."""
+        return self.test.name
 
     @property
     def looks(self) -> tuple[int, ...]:

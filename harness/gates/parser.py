@@ -31,19 +31,21 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import HarnessError
-from harness.files import data_dir
+from harness.estimators.base import Estimator
+from harness.estimators.constant import Constant
+from harness.estimators.mitsuba import Mitsuba
+from harness.estimators.stored import Stored
+from harness.estimators.tracer import Tracer
 from harness.gates.lines import Lines, Way, lines
 from harness.gates.model import (
     LOOK_SHARES,
     MAX_REPLICAS,
     MAX_SIDE,
     MIN_REPLICAS,
-    FileReference,
     Gate,
     GatesFile,
-    MitsubaReference,
-    ValueReference,
 )
+from harness.scene import SceneFile
 from harness.shader.strategies import STRATEGIES
 from harness.stats.levels import family_level
 from harness.stats.verdicts import Tolerance
@@ -109,17 +111,19 @@ def _gates(entry: _Table, defaults: _Table) -> Iterator[Gate]:
         raise entry.error("name", f"a gate's name becomes that of a folder: letters, digits, '.', '_' and '-', found "
                                   f"'{name}'")
     reason = entry.text("reason")
-    scene = _scene(entry)
+    path = _scene(entry)
     merged = entry.over(defaults)
+    scene = SceneFile(path, size=_size(merged))
+    reference, reference_spp = _reference(merged)
     listed = isinstance(merged.value("strategy"), list)
     for strategy in _strategies(merged):
         yield Gate(
-            name=f"{name}-{strategy}" if listed else name, entry=name, scene=scene, strategy=strategy, reason=reason,
-            reference=_reference(merged), tolerance=_tolerance(merged), spp=merged.integer("spp", 1, MAX_SPP),
-            replicas=_replicas(merged), size=_size(merged), fail_level=FALSE_ALARMS,
+            name=f"{name}-{strategy}" if listed else name, entry=name, scene=scene, reason=reason,
+            test=Tracer(strategy, shader=merged.file("shader"), folder=merged.file("glsl", folder=True)),
+            reference=reference, reference_spp=reference_spp, tolerance=_tolerance(merged),
+            spp=merged.integer("spp", 1, MAX_SPP), replicas=_replicas(merged), fail_level=FALSE_ALARMS,
             pass_level=1 - merged.number("confidence", low=0.5, high=1.0),
-            not_finite=merged.number("not_finite", low=0.0, high=1.0, or_low=True),
-            shader=merged.file("shader"), glsl=merged.file("glsl", folder=True), origin=entry.origin())
+            not_finite=merged.number("not_finite", low=0.0, high=1.0, or_low=True), origin=entry.origin())
 
 
 def _scene(entry: _Table) -> Path:
@@ -127,11 +131,10 @@ def _scene(entry: _Table) -> Path:
     named = entry.text("scene")
     if named.endswith(".xml") or "/" in named:
         return entry.existing("scene", named)
-    bundled = data_dir("mitsuba_scenes")
-    if not (bundled / f"{named}.xml").is_file():
-        known = ", ".join(sorted(path.stem for path in bundled.glob("*.xml")))
-        raise entry.error("scene", f"unknown scene '{named}'; name an .xml file, or one of {known}")
-    return bundled / f"{named}.xml"
+    try:
+        return SceneFile.bundled(named).path
+    except HarnessError as error:
+        raise entry.error("scene", str(error)) from None
 
 
 def _strategies(table: _Table) -> tuple[str, ...]:
@@ -179,20 +182,21 @@ def _size(table: _Table) -> tuple[int, int] | None:
     return found[0], found[1]
 
 
-def _reference(table: _Table) -> MitsubaReference | FileReference | ValueReference:
+def _reference(table: _Table) -> tuple[Estimator, int]:
+    """What a gate is held against, and its samples per pixel for each replica of the test."""
     given = table.table("reference")
     given.only("spp", "file", "value")
     if len(given.values) != 1:
         raise table.error("reference", 'expected one of { spp = 32 }, { file = "truth.exr" }, { value = [1, 1, 1] }, '
                                        f"found {len(given.values)} keys")
     if "spp" in given.values:
-        return MitsubaReference(given.integer("spp", 1, MAX_SPP))
+        return Mitsuba(), given.integer("spp", 1, MAX_SPP)
     if "file" in given.values:
-        return FileReference(given.existing("file", given.text("file")))
+        return Stored(given.existing("file", given.text("file"))), 1
     value = given.values["value"]
     if not (isinstance(value, list) and len(value) == 3 and all(_is_number(v) and v >= 0 for v in value)):
         raise given.error("value", f"expected [red, green, blue], each zero or more, found {value}")
-    return ValueReference((float(value[0]), float(value[1]), float(value[2])))
+    return Constant((float(value[0]), float(value[1]), float(value[2]))), 1
 
 
 class _Table:

@@ -3,73 +3,66 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
 
 import numpy as np
 
+from harness.errors import HarnessError
 from harness.estimators.base import Renderer
 from harness.gates.budget import factor_needed, tile_scale, too_small
-from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look, MitsubaReference
-from harness.gates.references import FixedReference, References
-from harness.gates.shaders import gate_source
-from harness.gpu.renderer import TracerRenderer
+from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look
+from harness.gates.references import References
 from harness.progress import Progress, quiet
-from harness.scene import Scene, load_scene
-from harness.shader.strategies import check_strategy
+from harness.scene import Film
 from harness.stats.needed import times
-from harness.stats.tiles import ImageMoments, TileSamples, tile_size
+from harness.stats.tiles import ImageMoments, TileSamples
 from harness.stats.verdicts import tile_verdict
-from harness.work.run import Run
-
-# What renders the test: the tracer, or in tests and for mutants another.
-MakeRenderer = Callable[[Gate, Scene], Renderer]
+from harness.work.run import FixedRun, Run
 
 
-def run_gate(gate: Gate, references: References | None = None, *, progress: Progress = quiet,
-             renderer: MakeRenderer | None = None) -> GateResult:
+def run_gate(gate: Gate, references: References | None = None, *, progress: Progress = quiet) -> GateResult:
     """Run one gate: look at a quarter, a half and all of its budget, and stop when it is decided.
 
-    `references`: those of a run of several gates, which share them. `renderer`: renders the test instead of the
-    tracer with the gate's shader. The test is always rendered, never read from a store, which would not notice a
-    change of the host's code. Test and reference grow together. Raises HarnessError for a scene, strategy, shader or
+    `references`: those of a run of several gates, which share them. The test is always rendered, never read from a
+    store, which a gate must not trust. Test and reference grow together. Raises HarnessError for a scene, estimator or
     reference that cannot be used, and for a budget that the variance (not the error) of the first look shows to be too
     small to decide.
     """
     began = time.perf_counter()
-    scene = check_gate(gate)
-    theirs = (references or References()).of(gate, scene)
-    maker = renderer or tracer
-    made = maker(gate, scene)
-    try:
-        ours = Run(made, gate.spp, tile_size(scene.height, scene.width))
-        with progress(gate.spp * gate.replicas, gate.name) as advance:
+    film = check_gate(gate)
+    with nullcontext(references) if references else References() as held:
+        theirs = held.of(gate)
+        with opened(gate) as renderer, progress(gate.spp * gate.replicas, gate.name) as advance:
+            ours = Run(renderer, gate.spp)
             looks = _look(gate, ours, theirs, advance)
-        return _result(gate, scene, looks, ours, theirs, time.perf_counter() - began)
-    finally:
-        if isinstance(made, TracerRenderer):
-            made.release()
+            return _result(gate, film, looks, ours, theirs, time.perf_counter() - began)
 
 
-def check_gate(gate: Gate) -> Scene:
-    """The gate's scene at the gate's size. HarnessError where it cannot be loaded or is too large, or the strategy does
-    not suit it."""
-    width, height = gate.size or (None, None)
-    scene = load_scene(gate.scene, width=width, height=height)
-    if max(scene.width, scene.height) > MAX_SIDE:
-        raise gate.error(f"the scene's film has {scene.width} x {scene.height} pixels, a gate at most {MAX_SIDE} a "
+def check_gate(gate: Gate) -> Film:
+    """The film of the gate's scene. HarnessError where it cannot be read or is too large, or what is judged does not
+    suit the scene."""
+    film = gate.scene.film
+    if max(film.width, film.height) > MAX_SIDE:
+        raise gate.error(f"the scene's film has {film.width} x {film.height} pixels, a gate at most {MAX_SIDE} a "
                          "side; set 'size'")
-    strategy = check_strategy(scene, gate.strategy)
-    if not strategy.suits:
-        raise gate.error(f"strategy '{gate.strategy}' does not suit the scene: {strategy.warning}")
-    return scene
+    if warning := gate.test.check(gate.scene):
+        raise gate.error(f"strategy '{gate.strategy}' does not suit the scene: {warning}")
+    return film
 
 
-def tracer(gate: Gate, scene: Scene) -> TracerRenderer:
-    """The tracer with the gate's own shader."""
-    return TracerRenderer(scene, gate.strategy, gate_source(gate, scene))
+@contextmanager
+def opened(gate: Gate) -> Iterator[Renderer]:
+    """What the gate judges; errors that do not say where they arose say which gate it was."""
+    with ExitStack() as stack:
+        try:
+            renderer = stack.enter_context(gate.test.open(gate.scene))
+        except HarnessError as error:
+            raise gate.error(str(error)) if type(error) is HarnessError else error from None
+        yield renderer
 
 
-def _look(gate: Gate, ours: Run, theirs: Run | FixedReference, advance: Callable[[float], None]) -> list[Look]:
+def _look(gate: Gate, ours: Run, theirs: Run | FixedRun, advance: Callable[[float], None]) -> list[Look]:
     done: list[Look] = []
     for number, replicas in enumerate(gate.looks):
         ours.grow(replicas, advance)
@@ -80,24 +73,24 @@ def _look(gate: Gate, ours: Run, theirs: Run | FixedReference, advance: Callable
         if verdict.outcome != "inconclusive":
             break
         if number == 0:
-            _require_budget(gate, ImageMoments.of(test), ImageMoments.of(reference))
+            _require_budget(gate, theirs, ImageMoments.of(test), ImageMoments.of(reference))
     return done
 
 
-def _require_budget(gate: Gate, test: ImageMoments, reference: ImageMoments) -> None:
+def _require_budget(gate: Gate, theirs: Run | FixedRun, test: ImageMoments, reference: ImageMoments) -> None:
     if too_small(gate, test, reference):
         factor = gate.looks[0] / gate.replicas * factor_needed(gate.sequence, test, reference)
-        also = " (of the reference as well)" if isinstance(gate.reference, MitsubaReference) else ""
+        also = " (of the reference as well)" if not isinstance(theirs, FixedRun) else ""
         raise gate.error(f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small to "
                          f"decide; about {times(factor)} the samples would do{also}, or wider tolerances")
 
 
-def _result(gate: Gate, scene: Scene, looks: list[Look], ours: Run, theirs: Run | FixedReference,
+def _result(gate: Gate, film: Film, looks: list[Look], ours: Run, theirs: Run | FixedRun,
             seconds: float) -> GateResult:
     last = looks[-1].verdict
     outcome, reason = last.outcome, last.reason
     estimate = ours.estimate()
-    drawn = estimate.samples * scene.width * scene.height
+    drawn = estimate.samples * film.width * film.height
     if estimate.rejected > gate.not_finite * drawn:
         outcome, reason = "fail", _uncounted(estimate.rejected, drawn)
     elif _is_one_image(ours) and _varies(ours):
@@ -108,7 +101,7 @@ def _result(gate: Gate, scene: Scene, looks: list[Look], ours: Run, theirs: Run 
     elif outcome == "inconclusive":
         reason += f"; the budget of {gate.replicas} x {gate.spp} samples per pixel has ended"
     return GateResult(gate, outcome, reason, tuple(looks), _curve(gate, ours, theirs), estimate, theirs.estimate(),
-                      scene.exposure, seconds)
+                      film.exposure, seconds)
 
 
 def _uncounted(rejected: int, drawn: int) -> str:
@@ -131,7 +124,7 @@ def _varies(run: Run) -> bool:
     return not np.array_equal(first, further)
 
 
-def _curve(gate: Gate, ours: Run, theirs: Run | FixedReference) -> tuple[CurvePoint, ...]:
+def _curve(gate: Gate, ours: Run, theirs: Run | FixedRun) -> tuple[CurvePoint, ...]:
     """Prefixes of 1, 2, 4, … replicas, and all."""
     counts = sorted({*(2**k for k in range(ours.replicas.bit_length())), ours.replicas})
     reference = theirs.tiles(ours.replicas)

@@ -11,6 +11,7 @@ from typing import Any
 import moderngl
 
 from harness.errors import MachineError
+from harness.gpu.device import Device
 from harness.shader.source import ShaderSource
 
 # One triangle that covers the viewport; texcoord is (0,0) at the bottom left and (1,1) at the top right.
@@ -43,7 +44,8 @@ def context() -> moderngl.Context:
             raise MachineError(
                 f"no headless OpenGL 4.3: {' '.join(str(error).split())}; on Debian or Ubuntu type: "
                 "apt-get install -y libegl1 libgl1-mesa-dri") from None
-        if created.info["GL_RENDERER"].startswith("llvmpipe"):
+        _local.device = Device.of(created.info)
+        if _local.device.compiles_twice:
             _halve_compilation(created)
         _local.owner, _local.context = os.getpid(), created
     elif owner != os.getpid():
@@ -64,10 +66,16 @@ def _halve_compilation(gl: moderngl.Context) -> None:
     gl.blend_func = moderngl.ONE, moderngl.ZERO
 
 
+def device() -> Device:
+    """The device of this thread's context."""
+    context()
+    found: Device = _local.device
+    return found
+
+
 def describe_gl() -> dict[str, str]:
     """Renderer, version and vendor strings of this thread's context."""
-    info = context().info
-    return {"gl_renderer": info["GL_RENDERER"], "gl_version": info["GL_VERSION"], "gl_vendor": info["GL_VENDOR"]}
+    return device().describe()
 
 
 class Program:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from harness.files import data_dir
 from harness.gpu.context import Program, context
-from harness.shader.source import assemble
+from harness.shader.library import Library
 
 
-def display(image: np.ndarray, exposure: float = 0.0) -> np.ndarray:
-    """Run `glsl/display.frag` over an image, row 0 at the top; returns (H, W, 3) uint8, `exposure` in stops.
+def display(image: np.ndarray, exposure: float = 0.0, library: Library | None = None) -> np.ndarray:
+    """Run the library's `display.frag` over an image, row 0 at the top; returns (H, W, 3) uint8, `exposure` in stops.
 
     `image` is a mean (H, W, 3), or (H, W, 4) as the tracer accumulates it: the sum of radiance, and the number of
     samples in it. A pixel without samples is black.
@@ -23,7 +22,7 @@ def display(image: np.ndarray, exposure: float = 0.0) -> np.ndarray:
     height, width, channels = image.shape
     accumulated = np.ones((height, width, 4), dtype=np.float32)
     accumulated[..., :channels] = image[::-1]
-    program = Program(assemble("display.frag", data_dir("glsl")))
+    program = Program((library or Library()).assembled("display.frag"))
     gl = context()
     source = gl.texture((width, height), 4, accumulated.tobytes(), dtype="f4")
     source.filter = (moderngl.NEAREST, moderngl.NEAREST)

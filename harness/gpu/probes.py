@@ -7,21 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from harness.files import data_dir
 from harness.gpu.context import Program, context
-from harness.shader.source import assemble
+from harness.shader.library import Library
 
 # Rows are laid out in textures of this width: any GL 4.3 device takes it, and it keeps N rows nearly square.
 _ROW_WIDTH = 1024
 
 
 def evaluate(probe: str, *inputs: np.ndarray, outputs: int = 1, uniforms: Mapping[str, Any] | None = None,
-             defines: Mapping[str, object] | None = None, generated: Mapping[str, str] | None = None) -> np.ndarray:
+             defines: Mapping[str, object] | None = None, generated: Mapping[str, str] | None = None,
+             library: Library | None = None) -> np.ndarray:
     """Run `glsl/probes/<probe>` once for each of N rows; returns (N, 4 * outputs) float32.
 
     `inputs`: arrays of (N, 4), which the probe reads as `input0`, `input1`, …, at its own row; `outputs`: how many
     `output0`, `output1`, … it writes (at most 8). A probe also learns its row from the same texel.
-    `defines` come before the source, `generated` holds include files that exist only in memory, such as `scene.glsl`.
+    `defines` come before the source, `generated` holds include files that exist only in memory, such as `scene.glsl`;
+    `library` is ours where none is given.
 
     Raises ShaderError for a probe that does not exist or does not compile, ValueError for inputs of unequal length.
     """
@@ -29,7 +30,7 @@ def evaluate(probe: str, *inputs: np.ndarray, outputs: int = 1, uniforms: Mappin
     if any(np.shape(values) != (rows, 4) for values in inputs):
         raise ValueError(f"every input must be ({rows}, 4), found {[np.shape(values) for values in inputs]}")
     size = (min(rows, _ROW_WIDTH), -(-rows // _ROW_WIDTH))
-    program = Program(assemble(f"probes/{probe}", data_dir("glsl"), generated, defines))
+    program = Program((library or Library()).probe(probe, generated, defines))
     gl = context()
     sources = [gl.texture(size, 4, _texels(values, size), dtype="f4") for values in inputs]
     targets = [gl.texture(size, 4, dtype="f4") for _ in range(outputs)]

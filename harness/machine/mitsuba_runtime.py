@@ -97,14 +97,14 @@ def import_mitsuba() -> ModuleType:
     return mitsuba
 
 
-def use_reference_variant() -> ModuleType:
-    """Mitsuba with `llvm_ad_rgb` set; MachineError when drjit has no usable LLVM.
+def use_reference_variant(variant: str = REFERENCE_VARIANT) -> ModuleType:
+    """Mitsuba with `llvm_ad_rgb`, or another variant, set; MachineError when drjit has no usable LLVM.
 
     The version is asked of drjit again: a program that imported drjit before the harness chose its own LLVM.
     """
     mitsuba = import_mitsuba()
     try:
-        mitsuba.set_variant(REFERENCE_VARIANT)
+        mitsuba.set_variant(variant)
         version = importlib.import_module("drjit").detail.llvm_version()
     except ImportError as error:
         raise MachineError(_explain(error)) from error

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import HarnessError
-from harness.files import data_dir
+from harness.shader.library import OURS, Library
 
 FOLDER = Path(__file__).parent / "data"
 
@@ -60,35 +59,15 @@ def load_catalogue(folder: Path = FOLDER) -> tuple[Mutant, ...]:
     return tuple(mutants)
 
 
-def mutate(mutant: Mutant, text: str) -> str:
-    """The text of `mutant.file` with the defect in it.
+def mutated(mutant: Mutant, library: Library = OURS) -> Library:
+    """The library with the defect in it.
 
     HarnessError where the line is not there, or there more than once: the shader has changed, and the catalogue has to.
     """
-    lines = text.splitlines(keepends=True)
-    found = [number for number, line in enumerate(lines) if line.strip() == mutant.line.strip()]
-    if len(found) != 1:
-        times = "is not in" if not found else f"occurs {len(found)} times in"
-        raise HarnessError(f"{mutant.where}: mutant '{mutant.id}' does not apply: its line {times} {mutant.file}: "
-                           f"`{mutant.line.strip()}`; copy the line as it stands there now")
-    number = found[0]
-    indent = lines[number][:len(lines[number]) - len(lines[number].lstrip())]
-    lines[number] = f"{indent}{mutant.replacement.strip()}\n"
-    return "".join(lines)
-
-
-def mutated_shaders(mutant: Mutant, folder: Path) -> Path:
-    """A copy of the shader folder in `folder`, with the defect in it; returns the copy's path."""
-    source = data_dir("glsl")
-    original = source / mutant.file
-    if not original.is_file():
-        raise HarnessError(f"{mutant.where}: mutant '{mutant.id}' does not apply: no shader file '{mutant.file}' in "
-                           f"{source}; name a file there")
-    text = mutate(mutant, original.read_text(encoding="utf-8"))
-    copy = folder / mutant.id
-    shutil.copytree(source, copy)
-    (copy / mutant.file).write_text(text, encoding="utf-8")
-    return copy
+    try:
+        return library.with_line(mutant.file, mutant.line, mutant.replacement)
+    except HarnessError as error:
+        raise HarnessError(f"{mutant.where}: mutant '{mutant.id}' does not apply: {error}") from None
 
 
 def choose(mutants: Sequence[Mutant], names: Sequence[str]) -> tuple[Mutant, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,19 +11,17 @@ from pathlib import Path
 import numpy as np
 
 from harness.errors import HarnessError, MachineError, ShaderError, StoreError
-from harness.files import data_dir, shaders_from
+from harness.estimators.base import Renderer
+from harness.estimators.tracer import Tracer
 from harness.gates import Gate, References
-from harness.gates.model import MitsubaReference
 from harness.gates.runner import check_gate, run_gate
-from harness.gates.shaders import gate_source
 from harness.gpu.context import Program
-from harness.gpu.renderer import TracerRenderer
-from harness.mutants.catalogue import Mutant
+from harness.mutants.catalogue import Mutant, mutated
 from harness.mutants.matrix import State
 from harness.samples.estimate import Batch, with_luminance
 from harness.samples.store import Store
-from harness.scene import Scene
-from harness.shader.source import assemble
+from harness.scene import Film
+from harness.shader.library import OURS, Library
 from harness.stats.tiles import TileAccumulator, TileSamples
 from harness.stats.verdicts import bias_verdict
 
@@ -39,17 +36,18 @@ TESTS_FAILED, TESTS_PASSED = 1, 0
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """A gate with what its glance needs: its scene, the right shader and its first batch, the reference."""
+    """A gate with what its glance needs: the film, the right shader and its first batch, the reference."""
 
     gate: Gate
-    scene: Scene
+    test: Tracer
+    film: Film
     text: str
     right: Batch
     reference: TileSamples
 
 
 class Judge:
-    """The gates of one process, and what they share between mutants: scenes, references, what the right shader draws.
+    """The gates of one process, and what they share between mutants: references, what the right shader draws.
 
     `modules`: test modules by name, which are gates as well. `marks`: a folder in which processes tell each other which
     gates pass with the right shader.
@@ -59,69 +57,68 @@ class Judge:
         self._gates = {gate.name: gate for gate in gates}
         self._modules = modules
         self._references = References(Store(store) if store else None)
-        self._right = data_dir("glsl")
         self._prepared: dict[str, _Prepared] = {}
         self._marks = {gate.name: marks / f"sound-{number}" for number, gate in enumerate(gates)}
 
     def check_gate(self, name: str) -> str:
         """What is wrong with a gate while the shader is right, at a glance; empty if nothing. Renders its reference."""
         prepared = self._prepare(self._gates[name])
-        made = TracerRenderer(prepared.scene, prepared.gate.strategy, gate_source(prepared.gate, prepared.scene))
-        try:
-            return _unsound(prepared.gate) if _glance(prepared, made) == "killed" else ""
-        finally:
-            made.release()
+        with prepared.test.open(prepared.gate.scene) as renderer:
+            return _unsound(prepared.gate) if _glance(prepared, renderer) == "killed" else ""
 
     def check_module(self, name: str) -> str:
         """What is wrong with a test module while the shader is right; empty if nothing."""
-        return f"{name}: fails with the shader as it is; mend that first" if self._run_module(name) == "killed" else ""
+        failed = self._run_module(name, OURS) == "killed"
+        return f"{name}: fails with the shader as it is; mend that first" if failed else ""
 
-    def judge(self, mutant: Mutant, shaders: Path) -> dict[str, State]:
-        """What every gate says of the shaders in the folder `shaders`, which are ours but for `mutant`.
+    def judge(self, mutant: Mutant) -> dict[str, State]:
+        """What every gate says of the shader with the mutant in it.
 
         Every image gate glances. The one that should kill the mutant then takes all its looks, if a glance is not
         enough, and so do the others while none has killed it. A test module runs where the mutant names it.
-        HarnessError where the mutant does not compile, and where a gate does not pass with the shader as it is.
+        HarnessError where the mutant does not apply or compile, and where a gate does not pass with the shader as it
+        is.
         """
+        library = mutated(mutant)
         prepared = [self._prepare(gate) for gate in self._gates.values()]
         states: dict[str, State] = {}
-        with shaders_from(shaders):
-            try:
-                _require_compilable(mutant)
-                states |= {each.gate.name: _first_sight(each) for each in prepared}
-            except ShaderError as error:
-                raise HarnessError(f"{mutant.where}: mutant '{mutant.id}' does not compile: {error}") from None
-            if mutant.killer in self._modules:
-                states[mutant.killer] = self._run_module(mutant.killer)
-            touched = [gate for name, gate in self._gates.items() if states[name] == "survived"]
-            for gate in sorted(touched, key=lambda gate: gate.name != mutant.killer):
-                if gate.name != mutant.killer and "killed" in states.values():
-                    break
-                self._require_sound(gate)
-                states[gate.name] = "survived" if self._passes(gate) else "killed"
+        try:
+            _require_compilable(mutant, library)
+            states |= {each.gate.name: _first_sight(each, mutant) for each in prepared}
+        except ShaderError as error:
+            raise HarnessError(f"{mutant.where}: mutant '{mutant.id}' does not compile: {error}") from None
+        if mutant.killer in self._modules:
+            states[mutant.killer] = self._run_module(mutant.killer, library)
+        touched = [gate for name, gate in self._gates.items() if states[name] == "survived"]
+        for gate in sorted(touched, key=lambda gate: gate.name != mutant.killer):
+            if gate.name != mutant.killer and "killed" in states.values():
+                break
+            self._require_sound(gate)
+            infected = replace(gate, test=_infected(self._prepared[gate.name], mutant))
+            states[gate.name] = "survived" if self._passes(infected) else "killed"
         return states
 
     def _prepare(self, gate: Gate) -> _Prepared:
-        """The gate, prepared once a process, with the shader as it is."""
+        """The gate, prepared once a process, with the shader as it is. HarnessError for one that judges no tracer."""
         if gate.name not in self._prepared:
-            scene = check_gate(gate)
-            reference = self._references.of(_with_small_reference(gate), scene)
+            film = check_gate(gate)
+            test = gate.test
+            if not isinstance(test, Tracer):
+                raise gate.error(f"judges '{test.name}', which has no shader of ours to put a mutant into; give it a "
+                                 "'strategy', or name another gates file")
+            reference = self._references.of(_with_small_reference(gate))
             reference.grow(gate.looks[0])
-            source = gate_source(gate, scene)
-            made = TracerRenderer(scene, gate.strategy, source)
-            try:
-                right = made.render_batch(0, 0, GLANCE_SPP)
-            finally:
-                made.release()
-            self._prepared[gate.name] = _Prepared(gate, scene, source.text, right, reference.tiles(gate.looks[0]))
+            with test.open(gate.scene) as renderer:
+                right = renderer.render_batch(0, 0, GLANCE_SPP)
+                self._prepared[gate.name] = _Prepared(gate, test, film, renderer.source.text, right,
+                                                      reference.tiles(gate.looks[0]))
         return self._prepared[gate.name]
 
     def _require_sound(self, gate: Gate) -> None:
         """A gate that does not pass with the right shader kills everything, and so tells nothing."""
         if not self._marks[gate.name].exists():
-            with shaders_from(self._right):
-                if not self._passes(gate):
-                    raise HarnessError(_unsound(gate))
+            if not self._passes(gate):
+                raise HarnessError(_unsound(gate))
             self._marks[gate.name].touch()
 
     def _passes(self, gate: Gate) -> bool:
@@ -133,52 +130,53 @@ class Judge:
         except HarnessError:
             return False
 
-    def _run_module(self, name: str) -> State:
-        """Run one test module in this process, so that its probes see the shader of the moment."""
+    def _run_module(self, name: str, library: Library) -> State:
+        """Run one test module in this process, on a library that it asks the plugin for."""
         import pytest
 
+        from harness.mutants.under_test import LibraryUnderTest
+
         path = self._modules[name]
-        for module in [module for module in sys.modules if module.endswith(f".{name}")]:
-            del sys.modules[module]  # what it computed once, it computed of another shader
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            status = pytest.main([str(path), "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"])
+            status = pytest.main([str(path), "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"],
+                                 plugins=[LibraryUnderTest(library)])
         if status not in (TESTS_PASSED, TESTS_FAILED):
             raise HarnessError(f"{path}: the tests cannot be run (pytest status {int(status)}); try `pytest {path}`")
         return "killed" if status == TESTS_FAILED else "survived"
 
 
-def _first_sight(prepared: _Prepared) -> State:
-    """What a gate says of the shader of the moment at a glance, if that shader is another than the right one."""
-    source = gate_source(prepared.gate, prepared.scene)
-    if source.text == prepared.text:
+def _infected(prepared: _Prepared, mutant: Mutant) -> Tracer:
+    """What the gate judges, with the mutant in the library."""
+    return replace(prepared.test, library=mutated(mutant, prepared.test.library))
+
+
+def _first_sight(prepared: _Prepared, mutant: Mutant) -> State:
+    """What a gate says of a mutant at a glance, if its shader is another than the right one."""
+    infected = _infected(prepared, mutant)
+    if infected.source(prepared.gate.scene).text == prepared.text:
         return "untouched"
-    made = TracerRenderer(prepared.scene, prepared.gate.strategy, source)
-    try:
-        touched = _differ(made.render_batch(0, 0, GLANCE_SPP), prepared.right)
-        return _glance(prepared, made) if touched else "untouched"
-    finally:
-        made.release()
+    with infected.open(prepared.gate.scene) as renderer:
+        touched = _differ(renderer.render_batch(0, 0, GLANCE_SPP), prepared.right)
+        return _glance(prepared, renderer) if touched else "untouched"
 
 
-def _glance(prepared: _Prepared, made: TracerRenderer) -> State:
+def _glance(prepared: _Prepared, renderer: Renderer) -> State:
     """What a gate says from few samples; not finite ones kill as a gate's do."""
     gate, batches = prepared.gate, prepared.gate.looks[0]
     tiles, rejected = TileAccumulator(prepared.reference.tile), 0
     for replica in range(batches):
-        batch = made.render_batch(replica, 0, GLANCE_SPP)
+        batch = renderer.render_batch(replica, 0, GLANCE_SPP)
         tiles.add(with_luminance(batch.mean), batch.samples)
         rejected += batch.rejected
-    if rejected > gate.not_finite * batches * GLANCE_SPP * prepared.scene.width * prepared.scene.height:
+    if rejected > gate.not_finite * batches * GLANCE_SPP * prepared.film.width * prepared.film.height:
         return "killed"
     verdict = bias_verdict(tiles.samples(), prepared.reference, gate.tolerance, fail_level=gate.fail_level)
     return "killed" if verdict.outcome == "fail" else "survived"
 
 
 def _with_small_reference(gate: Gate) -> Gate:
-    """The gate, its Mitsuba reference with as few samples as a glance needs."""
-    if not isinstance(gate.reference, MitsubaReference):
-        return gate
-    return replace(gate, reference=MitsubaReference(GLANCE_REFERENCE_SPP))
+    """The gate, its reference with as few samples as a glance needs, where they are drawn."""
+    return replace(gate, reference_spp=min(gate.reference_spp, GLANCE_REFERENCE_SPP))
 
 
 def _differ(found: Batch, right: Batch) -> bool:
@@ -189,7 +187,7 @@ def _unsound(gate: Gate) -> str:
     return f"{gate.origin}: gate '{gate.name}' does not pass with the shader as it is; mend that first"
 
 
-def _require_compilable(mutant: Mutant) -> None:
+def _require_compilable(mutant: Mutant, library: Library) -> None:
     """The display pass is in no gate's shader; what else does not compile shows where it is used."""
     if mutant.file == "display.frag":
-        Program(assemble(mutant.file, data_dir("glsl"))).release()
+        Program(library.assembled(mutant.file)).release()

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
-import multiprocessing
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from harness.errors import HarnessError
 from harness.gates import Gate, load_gates
-from harness.mutants.catalogue import Mutant, mutated_shaders
+from harness.mutants.catalogue import Mutant, mutated
 from harness.mutants.judge import Judge
 from harness.mutants.matrix import KillMatrix, State
 from harness.progress import Progress, quiet
+from harness.work.executors import executor
 
 # Files of tests whose names begin so are gates as well: what probes say of one function of the shader library.
 MODULE_PREFIX = "test_"
@@ -55,18 +54,19 @@ def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
         if mutant.killer not in gates.names:
             raise HarnessError(f"{mutant.where}: mutant '{mutant.id}' names the gate '{mutant.killer}', which does not "
                                f"exist; choose from {', '.join(gates.names)}")
+    for mutant in mutants:
+        mutated(mutant)  # one that does not apply shows before the first is judged
     stems = [module.stem for module in gates.modules]
     needed = sorted({mutant.killer for mutant in mutants if mutant.killer in stems})
     checks = [*_by_scene(load_gates(gates.file).gates), *([module] for module in needed)]
     rows: list[tuple[State, ...]] = []
     with (tempfile.TemporaryDirectory(prefix="mutants-") as folder, progress(len(checks) + len(mutants), "mutants")
-          as advance, _workers(gates, store, Path(folder), jobs) as pool):
+          as advance, executor("processes", jobs, partial(_start, gates, store, Path(folder))) as pool):
         for problem in pool.map(_check, checks):
             if problem:
                 raise HarnessError(problem)
             advance(1)
-        shaders = [mutated_shaders(mutant, Path(folder)) for mutant in mutants]
-        for states in pool.map(_judge, mutants, shaders):
+        for states in pool.map(_judge, mutants):
             rows.append(tuple(states.get(name, "not run") for name in gates.names))
             advance(1)
     return KillMatrix(tuple(mutants), gates.names, tuple(rows))
@@ -76,22 +76,11 @@ def _by_scene(gates: Iterable[Gate]) -> list[list[str]]:
     """Names of the gates that share a reference, which one process had better render."""
     groups: dict[object, list[str]] = {}
     for gate in gates:
-        groups.setdefault((gate.scene, gate.size), []).append(gate.name)
+        groups.setdefault(gate.scene, []).append(gate.name)
     return list(groups.values())
 
 
 _here: Judge | None = None
-
-
-@contextlib.contextmanager
-def _workers(gates: Gates, store: Path | None, folder: Path, jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes that hold the gates; started afresh, since a forked process cannot use its parent's GL context."""
-    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_start,
-                               initargs=(gates, store, folder))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _start(gates: Gates, store: Path | None, folder: Path) -> None:
@@ -99,7 +88,6 @@ def _start(gates: Gates, store: Path | None, folder: Path) -> None:
     # Mutants are compiled far more often than they are drawn. Mesa's llvmpipe compiles twice as fast without LLVM's
     # optimisations, to the same bits, and draws 2 to 18 % slower, ray marching 80 %. It reads these when GL starts.
     os.environ.setdefault("GALLIVM_PERF", "nopt")
-    os.environ.setdefault("LP_NUM_THREADS", "1")  # processes enough
     _here = Judge(load_gates(gates.file).gates, {module.stem: module for module in gates.modules}, store, folder)
 
 
@@ -111,8 +99,8 @@ def _check(names: Sequence[str]) -> str:
     return next(filter(None, problems), "")
 
 
-def _judge(mutant: Mutant, shaders: Path) -> dict[str, State]:
-    return _judge_here().judge(mutant, shaders)
+def _judge(mutant: Mutant) -> dict[str, State]:
+    return _judge_here().judge(mutant)
 
 
 def _judge_here() -> Judge:

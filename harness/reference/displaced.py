@@ -9,15 +9,17 @@ the edges' length.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
+import os
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from harness.files import cache_dir, write_atomically
+from harness.samples.keys import code_digest, digest
 from harness.scene.displaced import normal, radius
 from harness.scene.model import Displacement, Shape
 
@@ -32,8 +34,9 @@ RESOLUTIONS = (128, 256, 512)
 PROBES = 20_000
 # Directions evaluated at once: each takes about half a kilobyte.
 CHUNK = 1 << 17
-# Part of the files' names; to be changed with what is written.
-FORMAT = 1
+# Bytes of meshes beyond which those unused for longest are removed: the scenes that come with the harness have 206 MB,
+# and each change of the code that makes them makes others. None of the last hour: Mitsuba may be about to read it.
+LIMIT, SPARED_SECONDS = 1 << 28, 3600.0
 
 
 def become_mesh(mi: Any, props: Any, shape: Shape) -> None:
@@ -57,13 +60,32 @@ def mesh_file(displacement: Displacement, *, mirrored: bool) -> Path:
     `mirrored`: the triangles run clockwise seen from outside, so that a `to_world` that mirrors turns them round.
     Raises StoreError where the cache cannot be written.
     """
-    content = json.dumps([FORMAT, dataclasses.asdict(displacement), RESOLUTIONS, NORMAL_ERROR, mirrored])
-    path = cache_dir() / "meshes" / f"displaced-{hashlib.sha256(content.encode()).hexdigest()[:24]}.ply"
-    if not path.is_file():
+    name = digest([code_digest(__name__), dataclasses.asdict(displacement), mirrored], 24)
+    path = cache_dir() / "meshes" / f"displaced-{name}.ply"
+    if path.is_file():
+        with suppress(OSError):  # a read-only cache only loses the note of when it was used
+            os.utime(path)
+    else:
         resolution = next((n for n in RESOLUTIONS if normal_error(displacement, n) <= NORMAL_ERROR), RESOLUTIONS[-1])
         with write_atomically(path) as partial:
             write_ply(partial, displacement, resolution, mirrored=mirrored)
+        _forget(path.parent)
     return path
+
+
+def _forget(folder: Path) -> None:
+    """Remove meshes unused for longest until `LIMIT` is kept, whatever other processes remove meanwhile."""
+    found = []
+    for path in folder.glob("*.ply"):
+        with suppress(OSError):
+            found.append((path.stat().st_mtime, path.stat().st_size, path))
+    left = sum(size for _, size, _ in found)
+    for used, size, path in sorted(found):
+        if left <= LIMIT or time.time() - used < SPARED_SECONDS:
+            break
+        with suppress(OSError):
+            path.unlink()
+            left -= size
 
 
 def normal_error(displacement: Displacement, resolution: int) -> float:

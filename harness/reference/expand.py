@@ -12,9 +12,7 @@ from harness.reference.lights import needs_even_sampling, properties
 from harness.reference.motion import moving_id
 from harness.scene import Scene, Shape
 from harness.scene.motion import moving, screw
-
-# Textures that are functions of the surface point; their plugins take `to_object`, world to canonical object space.
-OBJECT_SPACE_TEXTURES = ("fractal", "marble", "wood")
+from harness.scene.procedural import KINDS
 
 
 def expand_shapes(mi: Any, state: Any, scene: Scene) -> None:
@@ -89,7 +87,8 @@ def _nested(mi: Any, state: Any, index: int) -> list[tuple[str, int]]:
 def _place_textures(mi: Any, state: Any, index: int, to_object: np.ndarray, *, moves: bool) -> None:
     """Give a node its own copy of every nested object that leads to an object-space texture, and tell that where it is.
 
-    A BSDF may be shared by many shapes, but its texture lies differently on each.
+    A BSDF may be shared by many shapes, but its texture lies differently on each. The plugins of such textures take
+    `to_object`, world to canonical object space.
     """
     for key, nested in _nested(mi, state, index):
         if _has_object_space_texture(mi, state, nested):
@@ -99,7 +98,7 @@ def _place_textures(mi: Any, state: Any, index: int, to_object: np.ndarray, *, m
 
 
 def _has_object_space_texture(mi: Any, state: Any, index: int) -> bool:
-    if state.nodes[index].props.plugin_name() in OBJECT_SPACE_TEXTURES:
+    if state.nodes[index].props.plugin_name() in KINDS:
         return True
     return any(_has_object_space_texture(mi, state, nested) for _, nested in _nested(mi, state, index))
 
@@ -111,7 +110,7 @@ def _copy(mi: Any, state: Any, index: int, to_object: np.ndarray, moves: bool) -
     for key, nested in _nested(mi, state, index):
         del props[key]
         props[key] = mi.Properties.ResolvedReference(_copy(mi, state, nested, to_object, moves))
-    if props.plugin_name() in OBJECT_SPACE_TEXTURES:
+    if props.plugin_name() in KINDS:
         props["to_object"] = mi.ScalarAffineTransform4d(to_object)
         props["moves"] = moves
     props.set_id(f"{props.id()} of copy {len(state.nodes)}")  # ids are unique

@@ -1,68 +1,127 @@
-"""From a `Scene` to the Mitsuba scene of the very same file, with the film and sampler that a comparison needs."""
+"""From a scene file to the Mitsuba scene of the very same file, with the film and sampler that a comparison needs."""
 
 from __future__ import annotations
 
-import dataclasses
+import re
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from harness.errors import HarnessError, SceneError
+from harness.errors import SceneError
 from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
 from harness.reference.expand import expand_shapes
 from harness.reference.plugins import register_plugins
-from harness.scene import Scene, load_scene, parse
+from harness.scene import Film, Scene, SceneFile, load
+from harness.scene.procedural import KINDS
+
+# What only the harness has words for: shapes and textures that must be expanded with our reading of the scene at hand.
+OUR_PLUGINS = ("displacedsphere", *KINDS)
+OUR_PROPERTIES = ("motion",)
+# In what Mitsuba says: where in its own source it arose, and where in the scene.
+_SOURCE = re.compile(r"\[[\w.]+:\d+\] ")
+_PLACE = re.compile(r"At (?P<file>.+?) \(line (?P<line>\d+), col \d+\): ")
 
 
-def instantiate(scene: Scene) -> Any:
-    """The `mi.Scene` of `scene`'s file: box filter, float32 RGB film of the scene's size, independent sampler.
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A scene that Mitsuba can render: `scene` is its `mi.Scene`.
 
-    The file is parsed again by Mitsuba's parser. The sensor's film and sampler are replaced, so nothing that the
-    harness adds to a film or integrator reaches Mitsuba, and what it adds to shapes is expanded (see `expand_shapes`).
-
-    Raises HarnessError when the scene has no file; SceneError when the scene is not what its file says (but for film
-    size and depth), and when Mitsuba refuses it.
+    `reading`: ours of the same file, None where it holds what our tracer has no words for. `integrator`, `max_depth`:
+    what the file says, the latter None where it leaves paths unbounded.
     """
-    if scene.path is None:
-        raise HarnessError(f"scene '{scene.name}' has no file, so Mitsuba cannot render it; write it to an .xml file "
-                           "and load it with harness.load_scene")
-    _check_unchanged(scene)
-    mi = use_reference_variant()
+
+    scene: Any
+    film: Film
+    reading: Scene | None
+    integrator: str
+    max_depth: int | None
+
+
+def prepare(file: SceneFile, variant: str = REFERENCE_VARIANT) -> Prepared:
+    """Any Mitsuba scene: box filter, float32 RGB film of the file's size, independent sampler; the rest as it stands.
+
+    The sensor's film and sampler are replaced, so nothing that the harness adds to a film or integrator reaches
+    Mitsuba, and what it adds to shapes is expanded (see `expand_shapes`).
+
+    Raises SceneError where the scene has no sensor, where words of ours stand beside what our tracer does not
+    understand (they can only be expanded together), and where Mitsuba refuses the scene.
+    """
+    mi = use_reference_variant(variant)
     register_plugins()
-    state = parse(scene.path)
-    expand_shapes(mi, state, scene)
+    film, state = file.film, file.parsed()
+    reading = _reading(mi, file, state)
+    if reading is not None:
+        expand_shapes(mi, state, reading)
+    integrator, max_depth = "path", None
     for node in state.nodes:
         if node.type == mi.ObjectType.Sensor:
-            _equip(mi, node.props, scene)
-        elif node.type == mi.ObjectType.Integrator and "strategies" in node.props:
-            del node.props["strategies"]
-        elif node.props.plugin_name() in ("bitmap", "envmap"):
+            _equip(mi, node.props, state, film)
+        elif node.type == mi.ObjectType.Integrator:
+            integrator = str(node.props.plugin_name())
+            depth = node.props.get("max_depth", -1)
+            max_depth = int(depth) if isinstance(depth, int) and depth > 0 else None
+            if "strategies" in node.props:
+                del node.props["strategies"]
+        if isinstance(node.props.get("filename", None), str):
             # Mitsuba looks in the process's folder too, before all others; the loader in the scene's alone.
-            node.props["filename"] = str((scene.path.parent / node.props["filename"]).absolute())
-    config = mi.parser.ParserConfig(REFERENCE_VARIANT)
+            named = file.path.parent / node.props["filename"]
+            if named.is_file():
+                node.props["filename"] = str(named.absolute())
+    config = mi.parser.ParserConfig(variant)
     # Merging meshes of one BSDF refuses those whose flip_normals differ, which the scene format allows.
     config.merge_meshes = False
     try:
         mi.parser.transform_all(config, state)
-        return mi.parser.instantiate(config, state)
+        return Prepared(mi.parser.instantiate(config, state), film, reading, integrator, max_depth)
     except Exception as error:  # Mitsuba raises bare RuntimeError, whose last line holds a Python plugin's message
-        raise SceneError(f"{scene.path}: Mitsuba refuses the scene: {str(error).strip().splitlines()[-1]}") from None
+        raise SceneError(_refusal(file, str(error))) from None
 
 
-def _equip(mi: Any, sensor: Any, scene: Scene) -> None:
+def instantiate(file: SceneFile) -> Any:
+    """The `mi.Scene` alone; see `prepare`."""
+    return prepare(file).scene
+
+
+def _refusal(file: SceneFile, message: str) -> str:
+    """What Mitsuba says of a scene, with file and line where it tells them."""
+    text = reason(message)
+    found = _PLACE.search(text)
+    where = f"{found['file']}:{found['line']}" if found else str(file.path)
+    return f"{where}: Mitsuba refuses the scene: {_PLACE.sub('', text)}"
+
+
+def reason(message: str) -> str:
+    """The last line of a message of Mitsuba's, without the places in its own source."""
+    return _SOURCE.sub("", message.strip().splitlines()[-1])
+
+
+def _reading(mi: Any, file: SceneFile, state: Any) -> Scene | None:
+    """Our reading, needed where there are words of ours, and wherever it can be had: it knows what Mitsuba does wrong
+    (textured lights, see `harness.reference.lights`)."""
+    try:
+        return load(file)
+    except SceneError:
+        ours = any(node.props.plugin_name() in OUR_PLUGINS or any(name in node.props for name in OUR_PROPERTIES)
+                   for node in state.nodes)
+        if ours or not Path(file.path).is_file():
+            raise
+        return None
+
+
+def _equip(mi: Any, sensor: Any, state: Any, film: Film) -> None:
     """Give the sensor's properties a film and a sampler in place of what the file nests in it."""
     for key in list(sensor.keys()):
-        if isinstance(sensor[key], mi.Properties.Reference | mi.Properties.ResolvedReference):
+        value = sensor[key]
+        if isinstance(value, mi.Properties.Reference):
+            kind = state.nodes[state.id_to_index[value.id()]].type
+        elif isinstance(value, mi.Properties.ResolvedReference):
+            kind = state.nodes[value.index()].type
+        else:
+            continue
+        if kind in (mi.ObjectType.Film, mi.ObjectType.Sampler):
             del sensor[key]
     # Mitsuba's defaults are a Gaussian filter, which correlates pixels, and a film of halves.
     sensor["film"] = mi.load_dict({
-        "type": "hdrfilm", "width": scene.width, "height": scene.height, "pixel_format": "rgb",
+        "type": "hdrfilm", "width": film.width, "height": film.height, "pixel_format": "rgb",
         "component_format": "float32", "rfilter": {"type": "box"}})
     sensor["sampler"] = mi.load_dict({"type": "independent"})
-
-
-def _check_unchanged(scene: Scene) -> None:
-    """Only the film's size and the depth may differ from the file; all else Mitsuba takes from there."""
-    assert scene.path is not None
-    on_disk = load_scene(scene.path, width=scene.width, height=scene.height)
-    if dataclasses.replace(on_disk, max_depth=scene.max_depth).content_hash != scene.content_hash:
-        raise SceneError(f"{scene.path}: the scene differs from its file in more than film size and depth, and Mitsuba "
-                         "renders the file; load it again, or write the change into the file")

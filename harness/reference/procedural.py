@@ -16,11 +16,10 @@ from harness.scene.model import RGB, Procedural, as_matrix
 from harness.scene.noise import Arithmetic
 from harness.scene.procedural import (
     DEFAULT_COLORS,
-    DEFAULT_DISTORTION,
-    DEFAULT_FREQUENCY,
     DEFAULT_GAIN,
     DEFAULT_LACUNARITY,
     DEFAULT_OCTAVES,
+    KINDS,
     evaluate,
     ramp,
     transformed,
@@ -40,16 +39,16 @@ def read(props: Any) -> Procedural:
 
     It then takes points of world space, and rounds them as the shader does: a steep texture would amplify a difference.
     """
-    kind: Any = props.plugin_name()
-    frequency = props.get("frequency", DEFAULT_FREQUENCY[kind])
+    kind = KINDS[props.plugin_name()]
+    frequency = props.get("frequency", kind.frequency)
     to_cells = np.diag([frequency] * 3 + [1.0]) @ _matrix(props, "to_texture") @ _matrix(props, "to_object")
     return Procedural(
-        kind, _colors(props),
+        props.plugin_name(), _colors(props),
         octaves=props.get("octaves", DEFAULT_OCTAVES),
         lacunarity=props.get("lacunarity", DEFAULT_LACUNARITY),
         gain=props.get("gain", DEFAULT_GAIN),
         frequency=1.0,
-        distortion=props.get("distortion", DEFAULT_DISTORTION[kind]) if kind in DEFAULT_DISTORTION else 0.0,
+        distortion=0.0 if kind.distortion is None else props.get("distortion", kind.distortion),
         seed=props.get("seed", 0),
         to_texture=as_matrix(to_cells))
 

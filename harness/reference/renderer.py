@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Callable, Iterable
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
+from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, import_mitsuba, use_reference_variant
 from harness.reference.motion import MovingShapes, moment, moments, samples_per_moment
-from harness.reference.prepare import instantiate
+from harness.reference.prepare import Prepared, prepare, reason
 from harness.samples.estimate import Batch
+from harness.samples.keys import code_digest
 from harness.samples.traits import Traits
-from harness.scene import Scene, motion, noise, procedural
+from harness.scene import SceneFile, motion
 
 INTEGRATORS = ("path", "bsdf_path")
+FILES_OWN = "file"  # the integrator that the scene file names
 
 # Mitsuba's film adds up one call in float32: at 256 samples a pixel that is off by about 1e-5, at 2^14 by 1.6e-4.
 MAX_SPP_PER_CALL = 256
@@ -36,42 +36,65 @@ RR_DEPTH_OFF = 1 << 20
 class ReferenceRenderer:
     """Renders batches of one scene with Mitsuba; holds the instantiated scene.
 
-    A batch depends on scene, integrator, replica and sample range only; a range gives the same samples whether it is
-    rendered in one batch or in several whose borders are multiples of `samples_per_call`. Where shapes move, calls are
-    short, and each sees one moment: see `harness.reference.motion`.
+    A batch depends on scene, integrator, variant, replica and sample range only; a range gives the same samples
+    whether it is rendered in one batch or in several whose borders are multiples of `samples_per_call`. Where shapes
+    move, calls are short, and each sees one moment: see `harness.reference.motion`.
     """
 
     traits = Traits()
 
-    def __init__(self, scene: Scene, integrator: str = "path") -> None:
-        """Instantiate the scene's file. `integrator`: Mitsuba's `path`, or `bsdf_path` without light sampling.
+    def __init__(self, scene: SceneFile, integrator: str = FILES_OWN, *, max_depth: int | None = None,
+                 variant: str = REFERENCE_VARIANT) -> None:
+        """Instantiate the scene's file. `integrator`: the file's own, or the name of another: Mitsuba's `path`, our
+        `bsdf_path` without light sampling, or any that Mitsuba has. `max_depth`: in place of the file's.
 
-        Raises HarnessError for an unknown integrator, and whatever `instantiate` raises.
+        Raises HarnessError for an unknown integrator or variant, and whatever `prepare` raises.
         """
-        if integrator not in INTEGRATORS:
-            raise HarnessError(f"unknown integrator '{integrator}'; allowed: {', '.join(INTEGRATORS)}")
-        self.scene = scene
-        self.integrator = integrator
-        self.samples_per_call = max(1, min(MAX_SPP_PER_CALL, MAX_SAMPLES_PER_CALL // (scene.width * scene.height)))
-        self._mitsuba_scene: Any = None
+        self.scene, self.variant = scene, variant
+        if variant not in (known := import_mitsuba().variants()):
+            raise HarnessError(f"unknown variant '{variant}'; allowed: {', '.join(known)}")
+        self._prepared: Prepared | None = None
         self._moving_shapes: MovingShapes | None = None
-        self._instantiate()
-        options = {"rr_depth": RR_DEPTH_OFF} if integrator == "path" else {}
-        mi = use_reference_variant()
-        self._sharing = samples_per_moment(scene)
-        self._integrator = mi.load_dict({"type": integrator, "max_depth": scene.max_depth, **options})
+        prepared = self._instantiate()
+        self.integrator = prepared.integrator if integrator == FILES_OWN else integrator
+        self.max_depth = max_depth or prepared.max_depth
+        # Our reading knows what of the file does not change the image, such as its comments.
+        self._scene_hash = prepared.reading.content_hash if prepared.reading else scene.hash
+        self.samples_per_call = max(1, min(MAX_SPP_PER_CALL,
+                                           MAX_SAMPLES_PER_CALL // (prepared.film.width * prepared.film.height)))
+        self._sharing = samples_per_moment(prepared.reading) if prepared.reading else 1
+        self._integrator = self._make_integrator(prepared, own=integrator == FILES_OWN)
+
+    def _make_integrator(self, prepared: Prepared, *, own: bool) -> Any:
+        """Bounded paths without Russian roulette, whose noise is ours to measure; whatever else the file says stays."""
+        mi = use_reference_variant(self.variant)
+        if own and (prepared.reading is None or self.max_depth is None):
+            return prepared.scene.integrator()
+        options: dict[str, Any] = {} if self.max_depth is None else {"max_depth": self.max_depth}
+        if self.integrator == "path" and options:
+            options["rr_depth"] = RR_DEPTH_OFF
+        try:
+            return mi.load_dict({"type": self.integrator, **options})
+        except Exception as error:  # of a name that is none, or one that asks for more, or has no depth
+            if options and '"max_depth"' in str(error):
+                self.max_depth = None
+                return self._make_integrator(prepared, own=False)
+            raise HarnessError(f"integrator '{self.integrator}' cannot be used ({reason(str(error))}); allowed: "
+                               f"{', '.join(INTEGRATORS)}, and those of Mitsuba's that need no more than a depth; or "
+                               "write it into the scene file and leave --integrator out") from None
 
     @property
     def identity(self) -> dict[str, str]:
         """What a batch depends on besides replica and sample range, for the store."""
         return {
             "renderer": "mitsuba",
-            "scene": self.scene.content_hash,
+            "scene": self._scene_hash,
             "integrator": self.integrator,
+            "max_depth": str(self.max_depth),
             "mitsuba": metadata.version("mitsuba"),
             "drjit": metadata.version("drjit"),
-            "variant": REFERENCE_VARIANT,
-            "plugins": _source_hash(),
+            "variant": self.variant,
+            "code": code_digest(__name__),
         }
 
     def render_batch(self, replica: int, start: int, count: int,
@@ -84,8 +107,8 @@ class ReferenceRenderer:
         Raises HarnessError for a range outside what seeds can tell apart.
         """
         _check_range(replica, start, count)
-        use_reference_variant()
-        if self.is_released:
+        use_reference_variant(self.variant)
+        if self._prepared is None:
             self._instantiate()
         began = time.process_time()
         mean, rejected = average(self._calls(replica, start, count, advance))
@@ -98,33 +121,41 @@ class ReferenceRenderer:
         the code of every living instance of the class, whichever scene it belongs to. With 15 other scenes alive one
         scene took 7 times as long to compile, anew each time, and 3 times as long to render a small batch.
         """
-        self._mitsuba_scene = self._moving_shapes = None
+        self._prepared = self._moving_shapes = None
 
     @property
     def is_released(self) -> bool:
         """No scene of Mitsuba's is held."""
-        return self._mitsuba_scene is None
+        return self._prepared is None
 
-    def _instantiate(self) -> None:
-        self._mitsuba_scene = instantiate(self.scene)
-        if motion.moving(self.scene):
-            self._moving_shapes = MovingShapes(use_reference_variant(), self._mitsuba_scene, self.scene)
+    def _instantiate(self) -> Prepared:
+        self._prepared = prepare(self.scene, self.variant)
+        if self._prepared.reading and motion.moving(self._prepared.reading):
+            self._moving_shapes = MovingShapes(use_reference_variant(self.variant), self._prepared.scene,
+                                               self._prepared.reading)
+        return self._prepared
 
     def _calls(self, replica: int, start: int, count: int,
                advance: Callable[[int], None] | None) -> Iterable[tuple[np.ndarray, int]]:
         """Mitsuba's images of the range's pieces, (H, W, 3) float32, each with its samples per pixel."""
-        sensor = self._mitsuba_scene.sensors()[0]
+        assert self._prepared is not None, "render_batch has instantiated it"
+        scene, reading = self._prepared.scene, self._prepared.reading
+        sensor = scene.sensors()[0]
         for first, spp in self._pieces(start, count):
-            if self._moving_shapes is not None:
-                self._moving_shapes.move(moment(self.scene.camera.shutter, replica, first, self._sharing))
-            image: Any = self._integrator.render(self._mitsuba_scene, sensor, seed=call_seed(replica, first), spp=spp)
-            yield np.array(image), spp  # the copy waits for Mitsuba to finish
+            if self._moving_shapes is not None and reading is not None:
+                self._moving_shapes.move(moment(reading.camera.shutter, replica, first, self._sharing))
+            rendered: Any = self._integrator.render(scene, sensor, seed=call_seed(replica, first), spp=spp)
+            image = np.array(rendered)  # the copy waits for Mitsuba to finish
+            if image.shape[-1] != 3:
+                raise HarnessError(f"integrator '{self.integrator}' renders {image.shape[-1]} channels where three are "
+                                   "expected; choose another with --integrator or --variant")
+            yield image, spp
             if advance is not None:
                 advance(spp)
 
     def _pieces(self, start: int, count: int) -> list[tuple[int, int]]:
         """The calls (first sample, samples) that a range is drawn in."""
-        if motion.moving(self.scene):
+        if self._moving_shapes is not None:
             return moments(start, count, self._sharing, self.samples_per_call)
         return [(first, min(self.samples_per_call, start + count - first))
                 for first in range(start, start + count, self.samples_per_call)]
@@ -165,12 +196,3 @@ def _check_range(replica: int, start: int, count: int) -> None:
     if count < 1 or start < 0 or start + count > 1 << START_BITS:
         raise HarnessError(f"samples {start} to {start + count - 1} of a replica are out of range; allowed: at least "
                            f"one, from 0 to {(1 << START_BITS) - 1} (take another replica for more)")
-
-
-def _source_hash() -> str:
-    """16 hexadecimal digits over the code that decides what is rendered: this package, motion, noise."""
-    digest = hashlib.sha256()
-    shared = (Path(str(module.__file__)) for module in (motion, noise, procedural))
-    for source in (*sorted(Path(__file__).parent.glob("*.py")), *shared):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]

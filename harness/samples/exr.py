@@ -112,12 +112,18 @@ def _estimate(path: Path, channels: Mapping[str, np.ndarray], metadata: dict[str
                     batches=facts["batches"], rejected=facts["rejected"], cpu_seconds=facts["cpu_seconds"]), metadata
 
 
-def write_batch(path: str | Path, batch: Batch, metadata: Mapping[str, Any] | None = None) -> None:
-    """Write a batch, exactly; `metadata` as in `write_estimate`. StoreError when the file cannot be written."""
+def write_batch(path: str | Path, batch: Batch, metadata: Mapping[str, Any] | None = None, *,
+                compact: bool = False) -> None:
+    """Write a batch, exactly; `metadata` as in `write_estimate`. StoreError when the file cannot be written.
+
+    `compact`: in two thirds of the room, for readers that know OpenEXR 3.4 (2025) or newer.
+    """
     facts = {"samples": batch.samples, "rejected": batch.rejected, "cpu_seconds": batch.cpu_seconds}
     channels = dict(zip(_COLOURS, np.moveaxis(batch.mean, -1, 0), strict=True))
-    # ZIP saves a quarter of a noisy image, and a study writes hundreds of batches: the time matters more than the room.
-    _write(Path(path), channels, {**(metadata or {}), _BATCH: json.dumps(facts)}, OpenEXR.NO_COMPRESSION)
+    # Lossless JPEG 2000: of batches of 32 samples and more it leaves 64 %, where ZIP leaves 87 and Zstandard 73. One of
+    # 170 x 170 pixels takes 4.6 ms of CPU time to write (1.3 ms without compression), and 150 to 440 ms to draw.
+    compression = OpenEXR.HTJ2K256_COMPRESSION if compact else OpenEXR.NO_COMPRESSION
+    _write(Path(path), channels, {**(metadata or {}), _BATCH: json.dumps(facts)}, compression)
 
 
 def read_batch(path: str | Path) -> Batch:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import logging
 import os
@@ -15,9 +14,13 @@ from harness.errors import HarnessError, StoreError
 from harness.files import write_atomically
 from harness.samples.estimate import Batch
 from harness.samples.exr import read_batch, write_batch
+from harness.samples.keys import digest
 
 # Samples per pixel of the longest batch; within what one Mitsuba pass can sum in float32 without visible rounding.
 LONGEST_BATCH = 128
+# A run of `LEAD_FACTOR` times as many samples or more does not keep the batches within its first `LEAD_IN`: six of the
+# nine images of a run of 256, and an eighth of its work. Samples are numbered, so what is drawn again is the same.
+LEAD_IN, LEAD_FACTOR = 32, 8
 # Bytes on disk beyond which the batches unused for longest are removed.
 DEFAULT_LIMIT = 8 * 2**30
 # A prune goes this far below the limit, so that the next batch does not start another.
@@ -43,6 +46,11 @@ def schedule(samples: int) -> list[tuple[int, int]]:
         batches.append((start, count))
         start += count
     return batches
+
+
+def is_kept(start: int, count: int, samples: int) -> bool:
+    """Whether a batch of a run of `samples` samples per pixel is worth its room; short runs keep all of theirs."""
+    return samples < LEAD_FACTOR * LEAD_IN or start + count > LEAD_IN
 
 
 class Store:
@@ -81,12 +89,12 @@ class Store:
         if not path.with_name("key.json").exists():
             with write_atomically(path.with_name("key.json")) as partial:
                 partial.write_text(json.dumps(dict(key), indent=2, sort_keys=True, ensure_ascii=False) + "\n", "utf-8")
-        write_batch(path, batch, {"replica": replica, "start": start, "spp": count})
+        write_batch(path, batch, {"replica": replica, "start": start, "spp": count}, compact=True)
         self._account(batch.mean.nbytes)
 
     def get_or_render(self, key: Mapping[str, str], replica: int, start: int, count: int,
-                      render: Callable[[], Batch]) -> Batch:
-        """The stored batch, or the one that `render` returns, which is then stored.
+                      render: Callable[[], Batch], *, keep: bool = True) -> Batch:
+        """The stored batch, or the one that `render` returns, which is then stored if to `keep`.
 
         Either way the pixels are the same float32 numbers, so a run from a warm store repeats a cold one exactly.
         """
@@ -94,7 +102,8 @@ class Store:
         if batch is None:
             fresh = render()
             batch = Batch(fresh.mean.astype(np.float32), fresh.samples, fresh.rejected, fresh.cpu_seconds)
-            self.put(key, replica, start, count, batch)
+            if keep:
+                self.put(key, replica, start, count, batch)
         return batch
 
     def size(self) -> int:
@@ -115,9 +124,8 @@ class Store:
         return removed
 
     def _path(self, key: Mapping[str, str], replica: int, start: int, count: int) -> Path:
-        canonical = json.dumps(dict(key), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
-        digest = hashlib.sha256(canonical.encode()).hexdigest()
-        return self.root / digest[:2] / digest / f"{replica}-{start}-{count}.exr"
+        name = digest(dict(key))
+        return self.root / name[:2] / name / f"{replica}-{start}-{count}.exr"
 
     def _account(self, written: int) -> None:
         """Count bytes just written (noise hardly compresses), and prune when the store has outgrown its limit."""

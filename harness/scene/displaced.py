@@ -16,7 +16,7 @@ import numpy as np
 from harness.scene.model import Bitmap, Checkerboard, Displacement, Material, Procedural, Texture, peak
 from harness.scene.nodes import Node
 from harness.scene.noise import NUMPY, sharpest_fbm, steepest_fbm
-from harness.scene.procedural import KINDS, RISE, WOOD_GRAIN, evaluate, load_procedural, ramp, transformed
+from harness.scene.procedural import KINDS, evaluate, load_procedural, ramp, transformed
 
 # Why the other textures are refused.
 REASONS = {
@@ -126,15 +126,15 @@ def certain_bounds(displacement: Displacement) -> Bounds:
     scale = texture.frequency * float(np.linalg.norm(np.array(texture.to_texture)[:3, :3], ord=2))
     steep = scale * steepest_fbm(texture.octaves, texture.lacunarity, texture.gain)
     bend = scale**2 * sharpest_fbm(texture.octaves, texture.lacunarity, texture.gain)
+    kind = KINDS[texture.kind]
     axis_bend = 0.0
-    if texture.kind != "fractal":  # t = wave(x + distortion · fbm), or wave(√(x² + y²) + distortion · fbm)
-        grain = max(WOOD_GRAIN) if texture.kind == "wood" else 1.0
-        side = min(RISE[texture.kind], 1 - RISE[texture.kind])
+    if kind.distortion is not None:  # t = wave(x + distortion · fbm), or wave(√(x² + y²) + distortion · fbm)
+        grain, side = max(kind.grain), min(kind.rise, 1 - kind.rise)
         wave_slope, wave_bend = 1.5 / side, 6 / side**2  # of 3x² - 2x³: 6x (1 - x) and 6 - 12x, in x = s / side
         steep = scale + abs(texture.distortion) * grain * steep
         bend = wave_bend * steep**2 + wave_slope * abs(texture.distortion) * grain**2 * bend
         steep *= wave_slope
-        if texture.kind == "wood":  # √(x² + y²) bends by the inverse of itself
+        if kind.rings:  # √(x² + y²) bends by the inverse of itself
             axis_bend = wave_slope * scale
     # Along a great circle, d² t/dφ² = u·Hu - ∇t·d with the Hessian H and unit u: hence the slope adds to the bend.
     return Bounds(1 + float(reds.min()), 1 + float(reds.max()), float(slopes.min()), float(slopes.max()),

@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from harness.errors import HarnessError
 from harness.files import data_dir
+from harness.scene.nodes import Node, parse
+
+# Mitsuba's `hdrfilm` where a file does not say (its documentation, "High dynamic range film").
+DEFAULT_FILM = (768, 576)
+
+
+@dataclass(frozen=True)
+class Film:
+    """The film of a scene file: pixels, and the exposure (stops) at which display metrics see its images."""
+
+    width: int
+    height: int
+    exposure: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -43,3 +59,44 @@ class SceneFile:
     def sized(self, width: int, height: int) -> SceneFile:
         """The same with another film size."""
         return replace(self, size=(width, height))
+
+    def parsed(self) -> Any:
+        """A fresh `mi.parser.ParserState`. SceneError where the file is missing or Mitsuba's parser refuses it."""
+        return parse(self.path, self.parameters)
+
+    @property
+    def hash(self) -> str:
+        """16 hexadecimal digits over the bytes of all that is read for an image (the file, its includes, the files
+        that it names), the parameters and the size. SceneError as `parsed`."""
+        state = self.parsed()
+        whole = hashlib.sha256(json.dumps([self.parameters, self.size]).encode())
+        for path in [*(Path(str(file)) for file in state.files), *self._named(state)]:
+            whole.update(hashlib.sha256(path.read_bytes()).digest())
+        return whole.hexdigest()[:16]
+
+    @property
+    def film(self) -> Film:
+        """The first sensor's film, at the size asked for. SceneError where there is no sensor."""
+        state = self.parsed()
+        root = Node(state, 0)
+        sensor = next((node for _, node in root.children() if node.kind == "sensor"), None)
+        if sensor is None:
+            raise root.error("the scene has no <sensor>; add one of type 'perspective'")
+        film = next((node for _, node in sensor.children() if node.kind == "film"), None)
+        props = film.properties if film else {}
+        found = [int(props["width"]) if "width" in props else DEFAULT_FILM[0],
+                 int(props["height"]) if "height" in props else DEFAULT_FILM[1]]
+        for axis, key in enumerate(("crop_width", "crop_height")):
+            found[axis] = int(props[key]) if key in props else found[axis]
+        exposure = float(props["exposure"]) if "exposure" in props else 0.0
+        width, height = self.size or (found[0], found[1])
+        return Film(width, height, exposure)
+
+    def _named(self, state: Any) -> list[Path]:
+        """The files that properties of the scene name, such as textures and meshes."""
+        named: set[Path] = set()
+        for node in state.nodes:
+            folders = {self.path.parent, Path(str(state.files[node.file_index])).parent}
+            texts = [value for key in node.props.keys() if isinstance(value := node.props[key], str) and value]
+            named |= {folder / text for folder in folders for text in texts if (folder / text).is_file()}
+        return sorted(named)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from harness.errors import SceneError
 from harness.scene.environment import load_environment
+from harness.scene.file import SceneFile
 from harness.scene.materials import load_material
 from harness.scene.model import RGB, EnvironmentMap, Scene, Shape
 from harness.scene.nodes import Node, parse
@@ -18,13 +20,22 @@ from harness.scene.textures import load_varying
 MAX_DEPTH_LIMIT = 1024
 
 
-def load_scene(path: str | Path, *, width: int | None = None, height: int | None = None) -> Scene:
-    """Read a Mitsuba 3 XML scene into a `Scene`; `width` and `height` (pixels) override the film's.
+def load(file: SceneFile) -> Scene:
+    """Our reading of a scene file. SceneError as `load_scene`."""
+    width, height = file.size or (None, None)
+    return load_scene(file.path, width=width, height=height, parameters=dict(file.parameters))
+
+
+def load_scene(path: str | Path, *, width: int | None = None, height: int | None = None,
+               parameters: Mapping[str, str] | None = None) -> Scene:
+    """Read a Mitsuba 3 XML scene into a `Scene`; `width` and `height` (pixels) override the film's, `parameters` the
+    file's `<default>` values.
 
     Raises SceneError (one line with file and line) for anything malformed or outside the supported subset.
     """
     path = Path(path)
-    state = parse(path)
+    given = tuple(sorted((parameters or {}).items()))
+    state = parse(path, given)
     root = Node(state, 0)
     if root.kind != "scene":
         raise root.error(f"the root element must be <scene>, found a {root.kind}")
@@ -61,8 +72,18 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
     if integrator is None:
         raise root.error("the scene has no <integrator>; add one of type 'path' with 'max_depth'")
     return Scene(tuple(shapes), environment or (0.0, 0.0, 0.0), sensor.camera, sensor.width, sensor.height,
-                 integrator[0], exposure=sensor.exposure, strategies=integrator[1], name=path.stem, path=path.resolve(),
-                 notes=tuple(notes))
+                 integrator[0], exposure=sensor.exposure, strategies=integrator[1],
+                 name=SceneFile(path, given).name, path=path.resolve(), parameters=given, notes=tuple(notes))
+
+
+def file_of(scene: Scene) -> SceneFile:
+    """What a scene is a reading of. HarnessError where it has no file, SceneError where it was changed in memory in
+    more than film size: whoever opens the file would render something else."""
+    file = scene.file
+    if load(file).content_hash != scene.content_hash:
+        raise SceneError(f"{file.path}: the scene differs from its file in more than film size, and the file is what "
+                         "is rendered; load it again, or write the change into the file")
+    return file
 
 
 def describe(path: str | Path) -> str:

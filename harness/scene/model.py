@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+
+from harness.errors import HarnessError
+from harness.samples.keys import digest
+from harness.scene.file import SceneFile
 
 RGB = tuple[float, float, float]
 Matrix = tuple[tuple[float, float, float, float], ...]  # row-major 4x4
@@ -51,7 +53,7 @@ class Procedural:
     `to_texture` maps canonical object space to the space in which the noise is defined.
     """
 
-    kind: Literal["fractal", "marble", "wood"]
+    kind: str  # one of `harness.scene.procedural.KINDS`
     colors: tuple[RGB, ...]
     octaves: int
     lacunarity: float
@@ -201,15 +203,24 @@ class Scene:
     strategies: tuple[str, ...] = ()
     name: str = ""
     path: Path | None = None
+    parameters: tuple[tuple[str, str], ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def file(self) -> SceneFile:
+        """What this is a reading of. HarnessError where it was made in memory."""
+        if self.path is None:
+            raise HarnessError(f"scene '{self.name}' has no file, so Mitsuba cannot render it; write it to an .xml "
+                               "file and load it with harness.load_scene")
+        return SceneFile(self.path, self.parameters, (self.width, self.height))
 
     @property
     def content_hash(self) -> str:
         """16 hexadecimal digits that change exactly when the image may change (names and notes do not count)."""
         content = dataclasses.asdict(self)
-        for field in ("exposure", "strategies", "notes"):
+        for field in ("exposure", "strategies", "parameters", "notes"):
             del content[field]
-        return hashlib.sha256(json.dumps(_without_names(content), sort_keys=True).encode()).hexdigest()[:16]
+        return digest(_without_names(content), 16)
 
 
 def _without_names(content: Any) -> Any:

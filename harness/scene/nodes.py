@@ -6,13 +6,15 @@ import os
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harness.errors import SceneError
 from harness.machine.mitsuba_runtime import import_mitsuba
-from harness.scene.model import RGB
+
+if TYPE_CHECKING:
+    from harness.scene.model import RGB
 
 FLOAT32_MAX = float(np.finfo(np.float32).max)  # both renderers compute in float32; beyond it a number is infinite
 
@@ -27,8 +29,9 @@ _FORMS = (
 _UNPARSED_NUMBER = re.compile(r"could not parse (?:integer|floating point) value \"-?[0-9.]+\"$")
 
 
-def parse(path: Path) -> Any:
-    """Mitsuba's own parser on one file: a fresh `mi.parser.ParserState`, before any transformation.
+def parse(path: Path, parameters: Iterable[tuple[str, str]] = ()) -> Any:
+    """Mitsuba's own parser on one file, with values for its `<default>` parameters: a fresh `mi.parser.ParserState`,
+    before any transformation.
 
     Both sides start here: the loader reads it into a `Scene`, the reference instantiates it.
 
@@ -48,7 +51,7 @@ def parse(path: Path) -> Any:
         raise SceneError(f"{path}: the path must be UTF-8 text; rename the file or its folder") from None
     config = mi.parser.ParserConfig("llvm_ad_rgb")
     try:
-        state = mi.parser.parse_file(config, str(path))
+        state = mi.parser.parse_file(config, str(path), **dict(parameters))
     except Exception as error:  # the parser raises bare RuntimeError, and TypeError for a bad encoding
         raise _parser_error(path, str(error)) from None
     for file in state.files:
@@ -103,6 +106,11 @@ class Node:
         """The element's id if the file gives one, otherwise empty."""
         identifier = str(self._props.id())
         return "" if identifier.startswith("_unnamed_") else identifier
+
+    @property
+    def properties(self) -> Any:
+        """What the parser holds, for whoever is content with some of it."""
+        return self._props
 
     def error(self, message: str) -> SceneError:
         """A SceneError at this node's file and line."""

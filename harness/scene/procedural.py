@@ -12,13 +12,14 @@ from 0 to 1 over the part `rise` of the period and falls back over the rest, alo
 continuous with its derivative. (For rise = 1/2 it is ½ - ½ cos 2πs to within 0.01, without the errors of float32
 sines.) The colour is piecewise linear in t, through color0, color1, … at equal steps.
 
-The functions below are for NumPy and drjit alike, as those of `harness.scene.noise`; glsl/lib/procedural.glsl and
-harness/shader/scene/procedural.py are the shader's.
+The functions below are for NumPy and drjit alike, as those of `harness.scene.noise`; glsl/lib/procedural.glsl has the
+shader's. Constants stand on both sides, and tests/glsl hold them together.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,17 +28,33 @@ from harness.scene.model import RGB, Matrix, Procedural, as_matrix
 from harness.scene.nodes import Node
 from harness.scene.noise import Arithmetic, Triple, fbm, steepest_fbm
 
-KINDS = ("fractal", "marble", "wood")
 
-# Part of the period in which a wave climbs: early wood grows slowly darker, late wood ends in a sharp edge.
-RISE = {"marble": 0.5, "wood": 0.75}
-# The noise that bends wood's rings is wider than they are, and stretched along the trunk.
-WOOD_GRAIN = (0.25, 0.25, 0.0625)
+@dataclass(frozen=True)
+class Kind:
+    """What tells one texture from the others; glsl/lib/procedural.glsl has a function of its name.
 
-# The plugins' parameters where a file is silent.
+    `frequency`, `distortion`: the plugin's parameters where a file is silent; a kind without distortion is the noise
+    itself. `rise`: the part of the period in which its wave climbs. `grain`: the factors of q at which it takes its
+    noise. `rings`: whether its waves lie about the z axis, or across x.
+    """
+
+    frequency: float
+    distortion: float | None = None
+    rise: float = 0.5
+    grain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    rings: bool = False
+
+
+KINDS = {
+    "fractal": Kind(4.0),
+    "marble": Kind(2.0, distortion=3.0),
+    # Early wood grows slowly darker, late wood ends in a sharp edge. The noise that bends the rings is wider than they
+    # are, and stretched along the trunk.
+    "wood": Kind(8.0, distortion=2.0, rise=0.75, grain=(0.25, 0.25, 0.0625), rings=True),
+}
+
+# The plugins' other parameters where a file is silent.
 DEFAULT_OCTAVES, DEFAULT_LACUNARITY, DEFAULT_GAIN = 4, 2.0, 0.5
-DEFAULT_FREQUENCY = {"fractal": 4.0, "marble": 2.0, "wood": 8.0}
-DEFAULT_DISTORTION = {"marble": 3.0, "wood": 2.0}
 DEFAULT_COLORS = (0.0, 1.0)  # color0 and color1: the texture is t itself
 
 MAX_OCTAVES = 16
@@ -48,13 +65,13 @@ MAX_CELLS = 2**20
 
 
 def load_procedural(node: Node) -> Procedural:
-    """A texture node of one of the three plugins; refuses parameters outside their range with file and line."""
-    kind: Any = node.plugin
+    """A texture node of one of these plugins; refuses parameters outside their range with file and line."""
+    kind = KINDS[node.plugin]
     octaves = node.integer("octaves", DEFAULT_OCTAVES)
     if not 1 <= octaves <= MAX_OCTAVES:
         raise node.error(f"'octaves' must be between 1 and {MAX_OCTAVES}, found {octaves}")
     lacunarity = _positive(node, "lacunarity", DEFAULT_LACUNARITY)
-    frequency = _positive(node, "frequency", DEFAULT_FREQUENCY[kind])
+    frequency = _positive(node, "frequency", kind.frequency)
     gain = node.number("gain", DEFAULT_GAIN)
     if not 0 < gain <= 1:
         raise node.error(f"'gain' must lie above 0 and at most at 1, found {gain:g}; it is an octave's amplitude "
@@ -62,7 +79,7 @@ def load_procedural(node: Node) -> Procedural:
     seed = node.integer("seed", 0)
     if not 0 <= seed <= MAX_SEED:
         raise node.error(f"'seed' must be between 0 and {MAX_SEED}, found {seed}")
-    distortion = node.number("distortion", DEFAULT_DISTORTION[kind]) if kind in DEFAULT_DISTORTION else 0.0
+    distortion = 0.0 if kind.distortion is None else node.number("distortion", kind.distortion)
     colors = _colors(node)
     matrix = node.transform("to_texture")
     # The coordinate farthest from the origin that any point of [-1, 1]³ comes to, in the finest octave or the first.
@@ -73,10 +90,10 @@ def load_procedural(node: Node) -> Procedural:
                          f"under 'to_texture'), allowed: {MAX_CELLS}, beyond which float32 does not resolve it; lower "
                          "'octaves', 'lacunarity' or 'frequency'")
     for _, child in node.children():
-        raise child.refuse([f"numbers, colours and a transform in a {kind}"])
+        raise child.refuse([f"numbers, colours and a transform in a {node.plugin}"])
     node.done(["color0 to color7", "octaves", "lacunarity", "gain", "frequency",
-               *(["distortion"] if kind in DEFAULT_DISTORTION else []), "seed", "to_texture"])
-    return Procedural(kind, colors, octaves, lacunarity, gain, frequency, distortion, seed, as_matrix(matrix))
+               *([] if kind.distortion is None else ["distortion"]), "seed", "to_texture"])
+    return Procedural(node.plugin, colors, octaves, lacunarity, gain, frequency, distortion, seed, as_matrix(matrix))
 
 
 def _positive(node: Node, name: str, default: float) -> float:
@@ -105,23 +122,24 @@ def transformed(matrix: Matrix, p: Triple) -> Triple:
 
 def evaluate(arithmetic: Arithmetic, texture: Procedural, p: Triple) -> tuple[Any, Triple]:
     """t at points p of texture space (object space after `to_texture`), within [0, 1], and its gradient along p."""
-    octaves = (texture.octaves, texture.lacunarity, texture.gain, texture.seed)
-    x, y, z = (texture.frequency * c for c in p)
-    if texture.kind == "fractal":
-        t, (dx, dy, dz) = fbm(arithmetic, (x, y, z), *octaves)
-    elif texture.kind == "marble":
-        noise, (dx, dy, dz) = fbm(arithmetic, (x, y, z), *octaves)
-        t, slope = wave(arithmetic, x + texture.distortion * noise, RISE["marble"])
-        amount = slope * texture.distortion
-        dx, dy, dz = slope + amount * dx, amount * dy, amount * dz
-    else:
-        noise, gradient = fbm(arithmetic, (x * WOOD_GRAIN[0], y * WOOD_GRAIN[1], z * WOOD_GRAIN[2]), *octaves)
-        radius = arithmetic.sqrt(x * x + y * y)
-        inverse = 1 / arithmetic.select(radius > 0, radius, 1.0)
-        t, slope = wave(arithmetic, radius + texture.distortion * noise, RISE["wood"])
-        dx, dy, dz = (slope * texture.distortion * grain * d for grain, d in zip(WOOD_GRAIN, gradient, strict=True))
-        dx, dy = dx + slope * x * inverse, dy + slope * y * inverse
-    return t, (texture.frequency * dx, texture.frequency * dy, texture.frequency * dz)
+    kind = KINDS[texture.kind]
+    q = x, y, z = (texture.frequency * p[0], texture.frequency * p[1], texture.frequency * p[2])
+    noise, gradient = fbm(arithmetic, (x * kind.grain[0], y * kind.grain[1], z * kind.grain[2]),
+                          texture.octaves, texture.lacunarity, texture.gain, texture.seed)
+    t, slopes = noise, [grain * slope for grain, slope in zip(kind.grain, gradient, strict=True)]
+    if kind.distortion is not None:
+        along, ahead = _rings(arithmetic, q) if kind.rings else (x, (1.0, 0.0, 0.0))
+        t, steep = wave(arithmetic, along + texture.distortion * noise, kind.rise)
+        slopes = [steep * a + steep * texture.distortion * slope for a, slope in zip(ahead, slopes, strict=True)]
+    return t, (texture.frequency * slopes[0], texture.frequency * slopes[1], texture.frequency * slopes[2])
+
+
+def _rings(arithmetic: Arithmetic, q: Triple) -> tuple[Any, Triple]:
+    """The distance from the z axis and its gradient; 0 on the axis, where there is none."""
+    x, y, _ = q
+    radius = arithmetic.sqrt(x * x + y * y)
+    inverse = 1 / arithmetic.select(radius > 0, radius, 1.0)
+    return radius, (x * inverse, y * inverse, 0.0)
 
 
 def wave(arithmetic: Arithmetic, s: Any, rise: float) -> tuple[Any, Any]:
@@ -149,9 +167,8 @@ def ramp(arithmetic: Arithmetic, t: Any, stops: tuple[float, ...]) -> tuple[Any,
 def steepest(texture: Procedural) -> float:
     """A bound on |∇t|, so on the change of t per unit of texture space (Lipschitz)."""
     noise = steepest_fbm(texture.octaves, texture.lacunarity, texture.gain)
-    if texture.kind == "fractal":
+    kind = KINDS[texture.kind]
+    if kind.distortion is None:
         return texture.frequency * noise
-    rise = RISE[texture.kind]
-    grain = 1.0 if texture.kind == "marble" else max(WOOD_GRAIN)
-    wave_slope = 1.5 / min(rise, 1 - rise)  # 3x² - 2x³ is steepest half way, where its slope is 3/2
-    return texture.frequency * wave_slope * (1 + abs(texture.distortion) * grain * noise)
+    wave_slope = 1.5 / min(kind.rise, 1 - kind.rise)  # 3x² - 2x³ is steepest half way, where its slope is 3/2
+    return texture.frequency * wave_slope * (1 + abs(texture.distortion) * max(kind.grain) * noise)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
+from collections.abc import Mapping
 
 from harness.errors import ShaderError
 
@@ -11,23 +11,22 @@ from harness.errors import ShaderError
 _FUNCTION = re.compile(r"^\w+ (?P<name>\w+)\([^;{}]*\)\n\{\n.*?^\}\n", re.MULTILINE | re.DOTALL)
 
 
-def override(root: Path, *chunks: str) -> dict[str, str]:
-    """The library files of `root`/lib whose functions `chunks` define anew, for `assemble(generated=…)`.
+def override(texts: Mapping[str, str], *chunks: str) -> dict[str, str]:
+    """The files of lib/ whose functions `chunks` define anew, for `assemble(generated=…)`.
 
-    `chunks`: file names under `root`. Each function of the library that a chunk defines too is blanked out, so that
-    the lines of the rest keep their numbers, and the last of them gives way to an include of the chunk: whatever the
-    compiler has to say is said of the chunk's own file and line.
+    `texts`: every shader file by name; `chunks`: names among them. Each function of the library that a chunk defines
+    too is blanked out, so that the lines of the rest keep their numbers, and the last of them gives way to an include
+    of the chunk: whatever the compiler has to say is said of the chunk's own file and line.
 
     Raises ShaderError for a chunk that does not exist, shares no function with the library, or shares functions with
     two of its files.
     """
-    library = {f"lib/{path.name}": path.read_text(encoding="utf-8") for path in sorted((root / "lib").glob("*.glsl"))}
+    library = {name: text for name, text in sorted(texts.items()) if name.startswith("lib/")}
     changed: dict[str, str] = {}
     for chunk in chunks:
-        try:
-            names = set(_functions((root / chunk).read_text(encoding="utf-8")))
-        except OSError:
-            raise ShaderError(f'no such shader file "{chunk}"; looked up in {root}') from None
+        if chunk not in texts:
+            raise ShaderError(f'no such shader file "{chunk}"; name one of the shader folder')
+        names = set(_functions(texts[chunk]))
         homes = [file for file, text in library.items() if names & set(_functions(text))]
         if len(homes) != 1:
             where = f"those of {' and '.join(homes)}" if homes else "none of the library's"

@@ -9,19 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness import metrics
-from harness.errors import HarnessError
-from harness.gpu.renderer import TracerRenderer
-from harness.policy import CONFIDENCE, fail_level, judge, tolerance_for, tolerances
+from harness.errors import HarnessError, SceneError
+from harness.estimators.base import Estimator, Renderer
+from harness.estimators.mitsuba import Mitsuba
+from harness.estimators.tracer import Tracer
+from harness.policy import CONFIDENCE, TOLERANCE, fail_level, judge, tolerance_for, tolerances
 from harness.progress import Advance, Progress, quiet
 from harness.results import StrategyResult, StudyResult
 from harness.samples.estimate import Accumulator, Batch, Estimate, luminance, with_luminance
 from harness.samples.store import Store
-from harness.scene import Scene, describe
-from harness.shader.strategies import check_strategy, suitable_strategies
+from harness.scene import Film, Scene, SceneFile, describe, file_of, load
+from harness.shader.strategies import Strategy, suitable_strategies
 from harness.stats.bias import error_scale
 from harness.stats.convergence import fit_slope
 from harness.stats.findings import judge_tiles
 from harness.stats.tiles import TileAccumulator, TileSamples, tile_size
+from harness.stats.verdicts import Tolerance
 from harness.studies.plan import (
     MAX_REFERENCE_FACTOR,
     MAX_REPLICA_FACTOR,
@@ -33,71 +36,114 @@ from harness.studies.plan import (
     replicas_needed,
 )
 from harness.work.batches import batches, equal_batches
+from harness.work.executors import Executor
 from harness.work.provenance import versions
 from harness.work.run import Run, reference_run, tiles_of
+from harness.work.tasks import draw, tasks_of
 
 # A strategy whose standard deviation per sample is below this part of the image's mean is exact: what is left is
 # rounding, and in a closed scene the one bounce in 10^7 that slips out at an edge.
 EXACT = 1e-3
 
 
-def study(scene: Scene, strategies: Sequence[str] | None = None, *, spp: int = 1024, replicas: int = 8,
-          max_replicas: int | None = None, reference_spp: int | None = None, reference: Estimate | None = None,
-          tolerance: float | None = None, confidence: float = CONFIDENCE, family: int | None = None,
-          store: Store | None = None, progress: Progress = quiet) -> StudyResult:
+def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None = None, *, spp: int = 1024,
+          replicas: int = 8, max_replicas: int | None = None, reference_spp: int | None = None,
+          reference: Estimate | None = None, tolerance: float | None = None, confidence: float = CONFIDENCE,
+          family: int | None = None, store: Store | None = None, executor: Executor | None = None,
+          progress: Progress = quiet) -> StudyResult:
     """Convergence curves, verdict and cost of each strategy on one scene, against one reference.
 
-    `strategies`: all that suit the scene where None. `spp`: samples per pixel of each replica; where `replicas` are
-    too few to decide, more are added, up to `max_replicas` (16 x replicas by default). `reference`: a ready one (closed
-    form, file); otherwise Mitsuba renders `reference_spp` samples, 4 x spp by default, and up to 8 times as many where
-    its own noise would keep the verdicts from deciding. `tolerance`: of the mean, tiles having theirs in proportion;
-    those of `tolerance_for` where None. `family`: how many strategies share the rate of false alarms, those of this
-    study where None. A study that was interrupted continues from the store. Raises HarnessError for an unknown
+    `strategies`: of the tracer by name, or any other estimators; all of the tracer's that suit the scene where None.
+    `spp`: samples per pixel of each replica; where `replicas` are too few to decide, more are added, up to
+    `max_replicas` (16 x replicas by default). `reference`: a ready one (closed form, file); otherwise Mitsuba renders
+    `reference_spp` samples, 4 x spp by default, and up to 8 times as many where its own noise would keep the verdicts
+    from deciding. `tolerance`: of the mean, tiles having theirs in proportion; those of `tolerance_for` where None.
+    `family`: how many strategies share the rate of false alarms, those of this
+    study where None. A study that was interrupted continues from the store. `executor`: where batches are drawn, here
+    where None; it needs a `store`, through which they come back. Raises HarnessError for an unknown
     strategy, counts below their minimum, an image too small for SSIM, and a reference of another size or with pixels
     that are not finite.
     """
     if spp < 1:
         raise HarnessError(f"samples per pixel must be at least 1, found {spp}")
+    if executor and not store:
+        raise HarnessError("an executor hands its batches over through a store; give the study one")
     if replicas < 2:
         raise HarnessError(f"a study needs at least 2 replicas to tell its own uncertainty, found {replicas}")
-    names = tuple(dict.fromkeys(strategies)) if strategies else suitable_strategies(scene)
-    allowed, reason = tolerance_for(scene) if tolerance is None else (tolerances(tolerance), "")
-    suiting = sum(check_strategy(scene, name).suits for name in names)
+    file = scene if isinstance(scene, SceneFile) else file_of(scene)
+    estimators = _estimators(file, strategies)
+    film, reading = file.film, _reading(file, estimators)
+    allowed, reason = _tolerance(reading, tolerance)
+    suiting = sum(not estimator.check(file) for estimator in estimators)
     plan = Plan(spp, replicas, max_replicas or MAX_REPLICA_FACTOR * replicas, allowed, confidence,
                  fail_level(family or max(suiting, 1)))
-    metrics.require_ssim_size(scene.height, scene.width)
+    metrics.require_ssim_size(film.height, film.width)
     kind = "given" if reference else "Mitsuba"
     if reference is None:
-        run = _precise_reference(scene, reference_spp or REFERENCE_FACTOR * spp, plan.tolerance.mean, store, progress)
+        run = _precise_reference(file, reference_spp or REFERENCE_FACTOR * spp, plan.tolerance.mean, store, progress)
         reference, tiles = run.estimate(), run.tiles()
-    if reference.mean.shape[:2] != (scene.height, scene.width):
+    if reference.mean.shape[:2] != (film.height, film.width):
         raise HarnessError(f"the reference is {reference.mean.shape[1]} x {reference.mean.shape[0]} pixels, the scene "
-                           f"{scene.width} x {scene.height}; render both at the same size")
+                           f"{film.width} x {film.height}; render both at the same size")
     if not np.isfinite(reference.mean).all():
         raise HarnessError("the reference holds pixels that are not finite; render it again")
     if kind == "given":
-        tiles = tiles_of(reference, tile_size(scene.height, scene.width))
+        tiles = tiles_of(reference, tile_size(film.height, film.width))
     results = []
-    for name in names:
-        results.append(_study_strategy(scene, name, _Reference(reference, tiles), plan, store, progress))
+    for estimator in estimators:
+        results.append(_study_estimator(file, film, estimator, _Reference(reference, tiles), plan,
+                                        _Drawing(store, executor, progress)))
     return StudyResult(
-        scene=scene.name, description=describe(scene.path) if scene.path else "", scene_hash=scene.content_hash,
-        exposure=scene.exposure, reference=reference, reference_kind=kind, strategies=tuple(results),
-        notes=(*scene.notes, *filter(None, [reason])), provenance=_provenance(scene, plan, reference))
+        scene=file.name, description=describe(file.path), scene_hash=_hash(file, reading), exposure=film.exposure,
+        reference=reference, reference_kind=kind, strategies=tuple(results),
+        notes=(*(reading.notes if reading else ()), *filter(None, [reason])),
+        provenance=_provenance(file, film, reading, plan, reference))
 
 
-def _precise_reference(scene: Scene, spp: int, tolerance: float, store: Store | None, progress: Progress) -> Run:
+def _estimators(file: SceneFile, named: Sequence[str | Estimator] | None) -> tuple[Estimator, ...]:
+    """What is studied, each once; HarnessError for two that have one name."""
+    names = named or suitable_strategies(load(file))
+    found = tuple(dict.fromkeys(Tracer(name) if isinstance(name, str) else name for name in names))
+    called = [estimator.name for estimator in found]
+    if twice := next((name for name in called if called.count(name) > 1), None):
+        raise HarnessError(f"two of the estimators are called '{twice}'; a study tells them apart by their names")
+    return found
+
+
+def _reading(file: SceneFile, estimators: Sequence[Estimator]) -> Scene | None:
+    """Our reading of the scene, which none but the tracer needs."""
+    try:
+        return load(file)
+    except SceneError:
+        if any(isinstance(estimator, Tracer) for estimator in estimators):
+            raise
+        return None
+
+
+def _tolerance(reading: Scene | None, mean: float | None) -> tuple[Tolerance, str]:
+    if mean is not None or reading is None:
+        return tolerances(TOLERANCE if mean is None else mean), ""
+    return tolerance_for(reading)
+
+
+def _hash(file: SceneFile, reading: Scene | None) -> str:
+    """Our reading's where there is one: it knows what of the file does not change the image."""
+    return reading.content_hash if reading else file.hash
+
+
+def _precise_reference(file: SceneFile, spp: int, tolerance: float, store: Store | None, progress: Progress) -> Run:
     """Mitsuba's image, with so many samples that it takes at most half of what the verdicts' intervals may be wide.
 
     As with replicas (Stein 1945), how many is decided from the variance of the first `spp` alone.
     """
-    run = reference_run(scene, spp, store)
-    _grow(run, spp, f"{scene.name} reference", progress)
-    pilot = run.estimate()
-    excess = 2 * pilot.image_variance / error_scale(pilot.image_mean) ** 2 / (tolerance * PRECISION / STUDENT) ** 2
-    if np.isfinite(excess).all() and excess.max() > 1:
-        more = min(math.ceil(spp * float(excess.max())), MAX_REFERENCE_FACTOR * spp)
-        _grow(run, more, f"{scene.name} reference, more to decide", progress)
+    with Mitsuba().open(file) as renderer:
+        run = reference_run(renderer, spp, store)
+        _grow(run, spp, f"{file.name} reference", progress)
+        pilot = run.estimate()
+        excess = 2 * pilot.image_variance / error_scale(pilot.image_mean) ** 2 / (tolerance * PRECISION / STUDENT) ** 2
+        if np.isfinite(excess).all() and excess.max() > 1:
+            more = min(math.ceil(spp * float(excess.max())), MAX_REFERENCE_FACTOR * spp)
+            _grow(run, more, f"{file.name} reference, more to decide", progress)
     return run
 
 
@@ -119,8 +165,8 @@ class _Reference:
 class _Replicas:
     """One strategy's replicas so far: their curves, the merged estimate, the cost."""
 
-    def __init__(self, scene: Scene, renderer: TracerRenderer, reference: _Reference, spp: int) -> None:
-        self.scene, self.renderer, self.reference, self.spp = scene, renderer, reference, spp
+    def __init__(self, strategy: Strategy, scene: Film, renderer: Renderer, reference: _Reference, spp: int) -> None:
+        self.strategy, self.scene, self.renderer, self.reference, self.spp = strategy, scene, renderer, reference, spp
         self.prefixes = prefix_sizes(spp)
         self.curves: list[list[tuple[float, float, float]]] = []  # per replica, per prefix: RMSE, mean error, SSIM
         self.total = Accumulator()
@@ -147,7 +193,7 @@ class _Replicas:
 
     def result(self, plan: Plan) -> StrategyResult:
         merged = self.total.estimate()
-        strategy, scene, reference = self.renderer.strategy, self.scene, self.reference.estimate
+        strategy, scene, reference = self.strategy, self.scene, self.reference.estimate
         rmse, mean_error, ssim = np.moveaxis(np.array(self.curves), -1, 0)
         spp = np.array(self.prefixes)
         largest = max(samples for samples, _ in self.costs)
@@ -164,25 +210,43 @@ class _Replicas:
             cpu_seconds_per_spp=float(np.median([cost for samples, cost in self.costs if samples == largest])))
 
 
-def _study_strategy(scene: Scene, name: str, reference: _Reference, plan: Plan, store: Store | None,
-                    progress: Progress) -> StrategyResult:
-    renderer = TracerRenderer(scene, name)
-    try:
-        run = _Replicas(scene, renderer, reference, plan.spp)
-        with progress(plan.spp * plan.replicas, f"{scene.name} {name}") as advance:
-            for _ in range(plan.replicas):
-                run.add_replica(store, advance)
+@dataclass(frozen=True)
+class _Drawing:
+    """Where batches are kept, where they are drawn, and who is told of it."""
+
+    store: Store | None
+    executor: Executor | None
+    progress: Progress
+
+    def grow(self, run: _Replicas, estimator: Estimator, file: SceneFile, replicas: int, description: str) -> None:
+        """Add so many replicas to the run."""
+        more = range(len(run.curves), len(run.curves) + replicas)
+        with self.progress(run.spp * max(replicas, 1), description) as advance:
+            if self.executor and self.store:
+                draw(tasks_of(estimator, file, more, run.spp), self.executor, self.store, advance)
+                advance = _ignore  # what follows reads back
+            for _ in more:
+                run.add_replica(self.store, advance)
+
+
+def _ignore(samples: float) -> None:
+    """Progress that was told before."""
+
+
+def _study_estimator(file: SceneFile, film: Film, estimator: Estimator, reference: _Reference, plan: Plan,
+                     drawing: _Drawing) -> StrategyResult:
+    warning = estimator.check(file)
+    strategy = Strategy(estimator.name, not warning, warning)
+    with estimator.open(file) as renderer:
+        run = _Replicas(strategy, film, renderer, reference, plan.spp)
+        drawing.grow(run, estimator, file, plan.replicas, f"{file.name} {estimator.name}")
         more = replicas_needed(run.total.estimate(), reference.estimate, plan.replicas, plan.tolerance.mean)
-        more = min(more - plan.replicas, plan.max_replicas - plan.replicas) if renderer.strategy.suits else 0
-        with progress(plan.spp * max(more, 1), f"{scene.name} {name}, more to decide") as advance:
-            for _ in range(more):
-                run.add_replica(store, advance)
+        more = min(more - plan.replicas, plan.max_replicas - plan.replicas) if strategy.suits else 0
+        drawing.grow(run, estimator, file, more, f"{file.name} {estimator.name}, more to decide")
         return run.result(plan)
-    finally:
-        renderer.release()
 
 
-def _curve_point(mean: np.ndarray, reference: Estimate, scene: Scene) -> tuple[float, float, float]:
+def _curve_point(mean: np.ndarray, reference: Estimate, scene: Film) -> tuple[float, float, float]:
     target = luminance(reference.mean).mean()
     error = luminance(mean).mean() - target
     noise = None if np.isnan(reference.variance).any() else reference.variance  # unknown in files of other renderers
@@ -196,12 +260,12 @@ def _is_exact(estimate: Estimate) -> bool:
     return deviation <= EXACT * float(np.mean(estimate.mean))
 
 
-def _provenance(scene: Scene, plan: Plan, reference: Estimate) -> dict[str, str]:
+def _provenance(file: SceneFile, film: Film, reading: Scene | None, plan: Plan, reference: Estimate) -> dict[str, str]:
     return {
         **versions(),
-        "scene hash": scene.content_hash,
-        "image size": f"{scene.width} x {scene.height}",
-        "path vertices": str(scene.max_depth),
+        "scene hash": _hash(file, reading),
+        "image size": f"{film.width} x {film.height}",
+        **({"path vertices": str(reading.max_depth)} if reading else {}),
         "samples per pixel of each replica": str(plan.spp),
         "replicas (seeds 0, 1, …)": f"{plan.replicas}, up to {plan.max_replicas} where the verdict needs them",
         "reference samples per pixel": str(reference.samples or "exact"),

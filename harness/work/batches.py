@@ -10,7 +10,7 @@ from harness.errors import HarnessError
 from harness.estimators.base import Renderer
 from harness.progress import Advance
 from harness.samples.estimate import Accumulator, Batch, Estimate
-from harness.samples.store import Store, schedule
+from harness.samples.store import Store, is_kept, schedule
 
 # Equal batches that a run is cut into at the least, for its variance; see `equal_batches`.
 MIN_EQUAL_BATCHES = 8
@@ -20,7 +20,8 @@ def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store 
             advance: Advance = lambda n: None) -> Iterator[Batch]:
     """The first `samples` samples per pixel of one replica, batch by batch in the store's fixed schedule.
 
-    What the store already holds is read, the rest rendered and kept. HarnessError for fewer than one sample.
+    What the store already holds is read, the rest rendered and kept, but for the first samples of a long run (see
+    `is_kept`). HarnessError for fewer than one sample.
     """
     if samples < 1:
         raise HarnessError(f"samples per pixel must be at least 1, found {samples}")
@@ -29,7 +30,8 @@ def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store 
         def render(start: int = start, count: int = count) -> Batch:
             return renderer.render_batch(replica, start, count)
 
-        yield store.get_or_render(identity, replica, start, count, render) if store else render()
+        keep = is_kept(start, count, samples)
+        yield store.get_or_render(identity, replica, start, count, render, keep=keep) if store else render()
         advance(count)
 
 

@@ -6,10 +6,8 @@ import numpy as np
 
 from harness.estimators.base import Renderer
 from harness.progress import Advance
-from harness.reference.renderer import ReferenceRenderer
 from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminance
 from harness.samples.store import LONGEST_BATCH, Store
-from harness.scene import Scene
 from harness.stats.tiles import TileAccumulator, TileSamples, tile_size, tile_sums
 
 # Batches that a reference is drawn in at the least, where it has so many samples: see `stats.tiles.TileSamples`.
@@ -19,24 +17,28 @@ REFERENCE_BATCHES = 32
 class Run:
     """The replicas 0, 1, … of one renderer as far as they were drawn: one batch of `spp` samples per pixel each."""
 
-    def __init__(self, renderer: Renderer, spp: int, tile: int, store: Store | None = None) -> None:
+    def __init__(self, renderer: Renderer, spp: int, store: Store | None = None) -> None:
         self.renderer, self.spp, self.store = renderer, spp, store
         self.replicas = 0
         self._identity = dict(renderer.identity)
         self._image = Accumulator()
-        self._tiles = TileAccumulator(tile)
+        self._tiles: TileAccumulator | None = None
 
     def grow(self, replicas: int, advance: Advance = lambda n: None) -> None:
         """Draw, or read from the store, up to so many replicas; `advance` is told the samples per pixel of each."""
         while self.replicas < replicas:
             batch = self._batch(self.replicas)
             self._image.add(batch)
+            if self._tiles is None:
+                self._tiles = TileAccumulator(tile_size(*batch.mean.shape[:2]))
             self._tiles.add(with_luminance(batch.mean), batch.samples)
             self.replicas += 1
             advance(self.spp)
 
     def tiles(self, replicas: int | None = None) -> TileSamples:
-        """The first so many replicas, or all, reduced to tiles; no more than were drawn."""
+        """The first so many replicas, or all, reduced to tiles; no more than were drawn. ValueError where none was."""
+        if self._tiles is None:
+            raise ValueError("no replica was drawn")
         return self._tiles.samples().first(self.replicas if replicas is None else replicas)
 
     def estimate(self) -> Estimate:
@@ -48,6 +50,33 @@ class Run:
             return self.renderer.render_batch(replica, 0, self.spp)
 
         return self.store.get_or_render(self._identity, replica, 0, self.spp, render) if self.store else render()
+
+
+class FixedRun:
+    """A run of a renderer whose answer is there from the beginning: a closed form, or a stored image."""
+
+    def __init__(self, renderer: Renderer, estimate: Estimate) -> None:
+        self.renderer, self.replicas = renderer, 0
+        self._estimate = estimate
+        self._tiles = tiles_of(estimate, tile_size(*estimate.mean.shape[:2]))
+
+    def grow(self, replicas: int, advance: Advance = lambda n: None) -> None:
+        """Nothing to draw."""
+        self.replicas = max(self.replicas, replicas)
+
+    def tiles(self, replicas: int | None = None) -> TileSamples:
+        """The same for any number of replicas."""
+        return self._tiles
+
+    def estimate(self) -> Estimate:
+        """The image and its variance."""
+        return self._estimate
+
+
+def run_of(renderer: Renderer, spp: int, store: Store | None = None) -> Run | FixedRun:
+    """The run of a renderer, in replicas of `spp` samples per pixel unless the renderer fixes their number."""
+    fixed = renderer.traits.fixed
+    return Run(renderer, renderer.traits.spp or spp, store) if fixed is None else FixedRun(renderer, fixed)
 
 
 def tiles_of(estimate: Estimate, tile: int) -> TileSamples:
@@ -74,10 +103,10 @@ def tiles_of(estimate: Estimate, tile: int) -> TileSamples:
                        *image.shape[:2])
 
 
-def reference_run(scene: Scene, spp: int, store: Store | None = None) -> Run:
-    """Mitsuba's image of the scene, to be drawn in replicas: so long that `REFERENCE_BATCHES` of them make `spp`.
+def reference_run(renderer: Renderer, spp: int, store: Store | None = None) -> Run:
+    """A reference to be drawn in replicas: so long that `REFERENCE_BATCHES` of them make `spp`.
 
     Lengths are powers of two up to the longest batch, so that references of unequal length can share what is stored.
     """
     length = 2 ** max(0, (spp // REFERENCE_BATCHES).bit_length() - 1)
-    return Run(ReferenceRenderer(scene), min(length, LONGEST_BATCH), tile_size(scene.height, scene.width), store)
+    return Run(renderer, min(length, LONGEST_BATCH), store)

@@ -61,7 +61,7 @@ def test_renders_of_a_pair_share_no_random_stream_and_are_drawn_once() -> None:
             return super().render_batch(replica, start, 1)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(comparisons, "TracerRenderer", Watched)
+        patch.setattr("harness.estimators.tracer.TracerRenderer", Watched)
         patch.setattr(comparisons, "BATCHES", 3)
         pairs = list(comparisons.rendered_pairs("diffuse", "uniform", "cosine", 2))
     assert len({replica for _, replica in seen}) == len(seen) == 2 * 2 * 3

@@ -11,13 +11,14 @@ import pytest
 from harness.calibration import suite
 from harness.calibration.suite import BUDGETS, GateBank, Simulation, first_true, gather, run_banks, simulate
 from harness.errors import HarnessError
-from harness.gates import Gate, GatesFile, load_gates, run_gate
-from harness.gates.references import Run
+from harness.estimators.tracer import Tracer
+from harness.gates import Gate, GatesFile, References, load_gates, run_gate
 from harness.stats.suites import PROMISED, SuiteRates
 from harness.stats.tiles import TileSamples, tile_size
 from harness.stats.verdicts import Tolerance
+from harness.work.run import Run
 from tests.support.fakes import NoiseRenderer
-from tests.support.gates import GATES, Noise, one_gate, write
+from tests.support.gates import GATES, Noise, judging, one_gate, write
 
 SIDE = 12
 # Of a sample of an image of that size: enough for some runs to be decided sooner than others.
@@ -44,8 +45,8 @@ tolerance = { mean = 1e-6, coarse = 1e-6, fine = 1e-6 }
 
 def noise(gate: Gate, seed: int = 0, bias: float = 0.0, sigma: float = 0.01, replicas: int = 128) -> TileSamples:
     """Replicas of a renderer of known noise, as tiles of the gate."""
-    width, height = gate.size or (0, 0)
-    run = Run(NoiseRenderer(0.5 * (1 + bias), sigma, (height, width)), 1, tile_size(height, width))
+    width, height = gate.scene.size or (0, 0)
+    run = Run(NoiseRenderer(0.5 * (1 + bias), sigma, (height, width)), 1)
     run.replicas = seed  # another stream
     run.grow(seed + replicas)
     return run.tiles(replicas)
@@ -53,14 +54,13 @@ def noise(gate: Gate, seed: int = 0, bias: float = 0.0, sigma: float = 0.01, rep
 
 def small(gate: Gate) -> Gate:
     """The gate at another size."""
-    return dataclasses.replace(gate, size=(SIDE, SIDE))
+    return dataclasses.replace(gate, scene=gate.scene.sized(SIDE, SIDE))
 
 
 def bank(gate: Gate, seed: int = 0, sigma: float = 0.01) -> GateBank:
     """A bank against a closed form."""
-    width, height = gate.size or (0, 0)
-    exact = TileSamples.exact(np.full((height, width, 4), 0.5), tile_size(height, width))
-    return suite._bank(gate, noise(gate, seed, sigma=sigma), exact)
+    with References() as references:
+        return suite._bank(gate, noise(gate, seed, sigma=sigma), references.of(gate))
 
 
 class TestEndings:
@@ -81,9 +81,9 @@ class TestEndings:
         assert outcome == ending
         if ending == "refused":
             with pytest.raises(HarnessError, match="too small to decide"):
-                run_gate(gate, renderer=Noise(bias, sigma))
+                run_gate(judging(gate, Noise(bias, sigma)))
         else:
-            real = run_gate(gate, renderer=Noise(bias, sigma))
+            real = run_gate(judging(gate, Noise(bias, sigma)))
             assert (outcome, share) == (real.outcome, real.test.samples / 64)
 
     def test_does_not_depend_on_the_runs_around(self, tmp_path: Path) -> None:
@@ -167,7 +167,7 @@ class TestGather:
             """uniform sampler2D pingpong0; uniform int numpass; uniform int samples_per_pass; in vec2 texcoord;
             layout(location = 0) out vec4 sum;
             void main() { sum = vec4(0.5, 0.5, 0.5, 0.0); }""")
-        gate = dataclasses.replace(one_gate(tmp_path), shader=tmp_path / "own.frag")
+        gate = dataclasses.replace(one_gate(tmp_path), test=Tracer("cosine", shader=tmp_path / "own.frag"))
         with pytest.raises(HarnessError, match="samples are not finite, with which the gate fails; mend that first"):
             gather([gate])
 

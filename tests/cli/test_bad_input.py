@@ -28,7 +28,7 @@ class TestScenes:
         (b"\x89<\0\xff\x80\n" * 100, "bad.xml:1: Could not determine tag type"),
         (b"a letter to the editor", "bad.xml:1: No document element found"),
         (b'<scene version="3.0.0">\n<shape type="sphere">', "bad.xml:2: Start-end tags mismatch"),
-        (b'<scene version="3.0.0">\n<shape type="cone"/></scene>', "bad.xml:2: shape 'cone' is not supported"),
+        (b'<scene version="3.0.0">\n</scene>', "bad.xml:1: the scene has no <sensor>"),
     ])
     def test_is_refused_with_file_and_line(
         self, harness: Harness, here: Path, command: str, content: bytes | None, complaint: str,
@@ -37,6 +37,12 @@ class TestScenes:
             Path("bad.xml").write_bytes(content)
         assert refusal(harness(command, "bad.xml")).startswith(complaint)
         assert {path.name for path in here.iterdir()} <= {"bad.xml"}
+
+    @pytest.mark.parametrize("command", ["render", "study", "report"])
+    def test_outside_our_subset_is_refused_where_our_tracer_renders(self, harness: Harness, command: str) -> None:
+        """Mitsuba alone, which `reference` asks, may know the shape."""
+        Path("bad.xml").write_text('<scene version="3.0.0">\n<shape type="cone"/></scene>')
+        assert refusal(harness(command, "bad.xml")).startswith("bad.xml:2: shape 'cone' is not supported")
 
     @pytest.mark.parametrize("command", RENDERING)
     def test_that_is_a_folder_is_called_one(self, harness: Harness, command: str) -> None:
@@ -214,6 +220,6 @@ def test_memory_that_runs_out_is_one_line_and_status_3(
     def exhausted(*arguments: object, **options: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("harness.scene.load_scene", exhausted)
+    monkeypatch.setattr("harness.scene.load", exhausted)
     assert main(["render", str(sky)]) == 3
     assert capsys.readouterr().err == "harness: error: not enough memory; choose a smaller --size\n"

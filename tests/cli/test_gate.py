@@ -8,7 +8,7 @@ import pytest
 
 from harness.errors import MachineError
 from tests.cli.conftest import Harness, refusal
-from tests.support.gates import GATES, write
+from tests.support.gates import GATES, SKY, write
 
 WRONG = GATES + """
 [[gate]]
@@ -81,8 +81,8 @@ class TestBadInput:
 
     def test_a_scene_that_is_bad_shows_before_the_first_render(self, harness: Harness, gates: Path) -> None:
         write(gates.parent, WRONG.replace('"wrong"\nscene = "sky.xml"', '"wrong"\nscene = "bad.xml"'))
-        (gates.parent / "bad.xml").write_text("<scene version='3.0.0'>\n<shape type='cone'/></scene>")
-        assert refusal(harness("gate")).startswith("tests/bad.xml:2: shape 'cone' is not supported")
+        (gates.parent / "bad.xml").write_text(SKY.replace("</scene>", "<shape type='cone'/></scene>"))
+        assert refusal(harness("gate")).startswith("tests/bad.xml:5: shape 'cone' is not supported")
 
     def test_a_strategy_that_does_not_suit(self, harness: Harness, gates: Path) -> None:
         write(gates.parent, GATES.replace('"sky.xml"', '"spheres"').replace('"cosine"', '"phong"'))

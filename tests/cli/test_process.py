@@ -20,8 +20,9 @@ from harness.files import PARTIAL_PREFIX, data_dir
 from harness.gpu.renderer import TracerRenderer
 from harness.samples.estimate import Estimate
 from harness.samples.exr import write_estimate
-from harness.samples.store import schedule
+from harness.samples.store import LEAD_IN, schedule
 from tests.cli.conftest import Harness
+from tests.support.processes import hearing, this_process_hearing
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
 SMALL = ("--size", "64x48")
@@ -41,7 +42,7 @@ cli.console_script()
 
 def interrupt(arguments: Sequence[object], cache: Path, until: str) -> subprocess.CompletedProcess[str]:
     """Send Ctrl-C to `harness ARGUMENTS` once a batch called `until` is in the cache."""
-    command = [sys.executable, "-m", "harness", *map(str, arguments)]
+    command = hearing([sys.executable, "-m", "harness", *arguments])
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             deadline = time.monotonic() + PATIENCE
@@ -67,7 +68,7 @@ class TestInterruption:
 
     @pytest.mark.parametrize(("arguments", "until"), [
         pytest.param(("render", SPHERES, *SMALL, *FOREVER, "-o", "x.exr"), "0-64-64.exr", id="render"),
-        pytest.param(("reference", SPHERES, "--size", "512x384", *FOREVER, "-o", "x.exr"), "0-8-8.exr",
+        pytest.param(("reference", SPHERES, "--size", "512x384", *FOREVER, "-o", "x.exr"), "0-32-32.exr",
                      id="inside Mitsuba"),
         pytest.param(("report", SPHERES, "--profile", "full", "-o", "."), "1-0-128.exr", id="report"),
     ])
@@ -82,7 +83,8 @@ class TestInterruption:
         if "report" in arguments:  # begins with the reference, whose batches are of one size
             assert batches == [(replica, 0, 128) for replica in range(len(batches))]
         else:
-            assert batches == [(0, start, count) for start, count in schedule(batches[-1][1] + batches[-1][2])]
+            assert batches == [(0, start, count) for start, count in schedule(batches[-1][1] + batches[-1][2])
+                               if start >= LEAD_IN]
 
     def test_of_a_study_is_continued_where_it_was(
         self, harness: Harness, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
@@ -121,7 +123,7 @@ from harness.cli import console_script
 sys.argv = ["harness", "render", {str(sky)!r}]
 console_script()
 """
-        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+        done = subprocess.run(hearing([sys.executable, "-c", program]), capture_output=True, text=True)
         assert (done.returncode, done.stdout, done.stderr) == (130, "", "harness: interrupted\n")
 
     def test_that_a_package_turns_into_another_error_is_still_one(
@@ -138,8 +140,17 @@ console_script()
         module.fake = fake  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, "harness.cli.fake", module)
         monkeypatch.setattr(cli, "COMMANDS", {"fake": "fake"})
-        done = harness("fake")
+        with this_process_hearing():
+            done = harness("fake")
         assert (done.status, done.err) == (130, "harness: interrupted\n")
+
+    @pytest.mark.parametrize("ignored", ["", "trap '' INT; "])
+    def test_reaches_a_process_of_these_tests_also_in_the_background(self, ignored: str) -> None:
+        """Else each test above would wait for a process that is deaf."""
+        program = "import signal; print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)"
+        done = subprocess.run(["/bin/sh", "-c", f'{ignored}exec "$@"', "sh",
+                               *hearing([sys.executable, "-c", program])], capture_output=True, text=True)
+        assert done.stdout == "True\n"
 
     def test_is_left_to_a_host_program_afterwards(self) -> None:
         before = signal.getsignal(signal.SIGINT)

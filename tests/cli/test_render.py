@@ -171,7 +171,7 @@ def test_the_machine_short_of_opengl_is_one_line_and_status_3(
     def lacking() -> None:
         raise MachineError("no headless OpenGL 4.3; type: apt-get install -y libegl1")
 
-    monkeypatch.setattr("harness.gpu.renderer.context", lacking)
+    monkeypatch.setattr("harness.gpu.pingpong.context", lacking)
     monkeypatch.setattr("harness.gpu.context.context", lacking)
     done = harness("render", sky, "--spp", 2)
     assert done.status == 3

@@ -56,7 +56,7 @@ def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
     def refuse(*arguments: object, **options: object) -> None:
         raise AssertionError("a renderer was made")
 
-    for name in ("harness.studies.study.TracerRenderer", "harness.work.run.ReferenceRenderer"):
+    for name in ("harness.estimators.tracer.TracerRenderer", "harness.estimators.mitsuba.ReferenceRenderer"):
         monkeypatch.setattr(name, refuse)
     second = harness("report", sky, "-o", "elsewhere")
     for done, folder in ((first, "out"), (second, "elsewhere")):
@@ -133,7 +133,7 @@ def test_a_verdict_that_is_not_pass_is_named_and_makes_the_status_1(
                      (True, True, False, True, True), strict=True)]
         return dataclasses.replace(result, strategies=tuple(items))
 
-    monkeypatch.setattr("harness.studies.study.study", biased)
+    monkeypatch.setattr("harness.studies.memo.study", biased)
     done = harness("report", sky, "-o", "out")
     assert done.status == 1
     assert done.err == "warning: sky uniform: fail\nwarning: sky cosine: inconclusive\n"
@@ -152,7 +152,7 @@ def test_a_tile_that_fails_makes_the_status_1_and_an_undecided_one_does_not(
             items.append(dataclasses.replace(item, tiles=tiles))
         return dataclasses.replace(result, strategies=tuple(items))
 
-    monkeypatch.setattr("harness.studies.study.study", spoilt)
+    monkeypatch.setattr("harness.studies.memo.study", spoilt)
     done = harness("report", sky, "-o", "out", "--json")
     assert done.status == 1
     assert done.err == "warning: sky uniform: fail in tiles\n"
@@ -197,7 +197,7 @@ class TestExhibits:
             calls.append(1)
             return ()
 
-        monkeypatch.setattr("harness.course.measure_exhibits", measure)
+        monkeypatch.setattr("harness.course.memo.measure_exhibits", measure)
         folder = sky.parent / "scenes"
         folder.mkdir()
         sky.rename(folder / "sky.xml")

@@ -92,7 +92,7 @@ class TestReference:
         def refuse(*arguments: object) -> None:
             raise AssertionError("Mitsuba was asked")
 
-        monkeypatch.setattr("harness.work.run.ReferenceRenderer", refuse)
+        monkeypatch.setattr("harness.estimators.mitsuba.ReferenceRenderer", refuse)
 
     def test_is_taken_as_it_is(self, harness: Harness, sky: Path) -> None:
         done = harness("study", sky, *BRIEF, "-s", "mixture", "--reference", reference(sky), "--json")

@@ -57,7 +57,7 @@ def by_tracer(scene: Scene) -> Estimate:
 
 def by_mitsuba(scene: Scene, samples: int = SAMPLES) -> Estimate:
     """The same of the reference."""
-    renderer = ReferenceRenderer(scene)
+    renderer = ReferenceRenderer(scene.file)
     return merge(renderer.render_batch(0, k * samples // BATCHES, samples // BATCHES) for k in range(BATCHES))
 
 

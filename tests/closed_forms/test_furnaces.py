@@ -22,7 +22,7 @@ BATCHES = 16
 # All comparisons of this file together raise a false alarm in one of a thousand changes of the seeds.
 COMPARISONS = 150
 LIMIT = stats.t.isf(1e-3 / (2 * COMPARISONS), BATCHES - 1)
-# Of an answer without variance: what float32 sums of up to 512 samples may lose (tracer.renderer.FLUSH_SAMPLES).
+# Of an answer without variance: what float32 sums of up to 512 samples may lose (gpu.pingpong.FLUSH_SAMPLES).
 EXACT = 1e-5
 IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 NO_LIGHT = (0.0, 0.0, 0.0)

@@ -37,7 +37,7 @@ def rendered(folder: Path, body: str, renderer: str, spp: int, depth: int = 2) -
     path.write_text(f'<scene version="3.0.0">{SENSOR}<integrator type="path"><integer name="max_depth" '
                     f'value="{depth}"/></integrator>{body}</scene>', encoding="utf-8")
     scene = load_scene(path)
-    source: Any = ReferenceRenderer(scene) if renderer == "mitsuba" else TracerRenderer(scene, renderer)
+    source: Any = ReferenceRenderer(scene.file) if renderer == "mitsuba" else TracerRenderer(scene, renderer)
     return render_estimate(source, spp)
 
 

@@ -52,7 +52,7 @@ def write(folder: Path, body: str, *, max_depth: int = 2, height: float = 0.1, f
 def measure(scene: Scene, renderer: str, spp: int, batches: int = BATCHES) -> Estimate:
     """Batches of `spp` samples per pixel; fails where a sample was not finite."""
     if renderer == "mitsuba":
-        reference = ReferenceRenderer(scene)
+        reference = ReferenceRenderer(scene.file)
         merged = merge(reference.render_batch(0, k * spp, spp) for k in range(batches))
     else:
         tracer = TracerRenderer(scene, "cosine")

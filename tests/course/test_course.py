@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.course import checks, numbers, pictures
+from harness import checks
+from harness.checks.frame import ORTHONORMAL, axes
+from harness.checks.shader import frames
+from harness.course import numbers, pictures
 from harness.course.texts import TEXTS
 from harness.course.variants import (
     BELOW,
@@ -21,10 +24,11 @@ from harness.course.variants import (
     TANGENT,
     Variant,
 )
+from harness.estimators.tracer import Tracer
 from harness.files import data_dir
 from harness.gpu.context import Program
-from harness.gpu.renderer import tracer_source
 from harness.scene import load_scene
+from harness.shader import library
 
 ROOT = data_dir("glsl")
 FILES = sorted((ROOT / "course").glob("*.glsl"))
@@ -68,15 +72,16 @@ def test_every_text_names_a_file_that_is_there() -> None:
 def test_the_tracer_compiles_with_the_handouts_functions(name: str) -> None:
     """It is another shader than ours, holds the handout's text, and our driver takes it."""
     scene, variant = load_scene(data_dir("mitsuba_scenes") / "furnace_phong.xml", width=16, height=16), VARIANTS[name]
-    source = variant.source(scene, "phong")
-    assert source.text != tracer_source(scene, "phong").text
-    assert all(chunk in dict(source.files) for chunk in variant.chunks)
+    source = variant.library.tracer(scene, "phong")
+    assert source.text != library.OURS.tracer(scene, "phong").text
+    assert all(chunk in dict(source.files) for chunk in variant.library.chunks)
+    assert variant.library.chunks
     Program(source).release()
 
 
 def test_without_chunks_the_shader_is_ours() -> None:
     scene = load_scene(data_dir("mitsuba_scenes") / "furnace_phong.xml", width=16, height=16)
-    assert OURS.source(scene, "mixture") == tracer_source(scene, "mixture")
+    assert OURS.library.tracer(scene, "mixture") == library.OURS.tracer(scene, "mixture")
 
 
 def test_the_maximum_of_a_vector_does_not_compile() -> None:
@@ -90,15 +95,15 @@ def test_the_maximum_of_a_vector_does_not_compile() -> None:
 
 @pytest.mark.parametrize("alpha", [0.0, 1.0, 10.0, 200.0])
 def test_the_pdf_integral_finds_the_square_of_pi(alpha: float) -> None:
-    assert checks.pdf_integral(LOBE_PDF, alpha) == pytest.approx(2 / np.pi, rel=2e-5)
-    assert checks.pdf_integral(OURS, alpha) == pytest.approx(1, rel=2e-5)
+    wrong, right = pictures.pdf_integral(LOBE_PDF, alpha), pictures.pdf_integral(OURS, alpha)
+    assert wrong.value == pytest.approx(2 / np.pi, rel=2e-5) and not wrong.passed
+    assert right.value == pytest.approx(1, rel=2e-5) and right.passed
 
 
 def test_directions_do_not_follow_the_handouts_pdf() -> None:
     for variant, follows in ((LOBE_PDF, False), (OURS, True)):
-        directions, _ = checks.lobe_directions(variant, 10.0, pictures.SLANTED)
-        _, p = checks.direction_chi2(directions, checks.probed_lobe_pdf(variant, 10.0, pictures.SLANTED))
-        assert (p > checks.LEVEL) == follows
+        found = pictures.direction_chi2(variant, variant, pictures.SLANTED)
+        assert found.passed == follows, found.sentence
 
 
 def test_the_plates_are_half_of_pi_too_bright() -> None:
@@ -114,9 +119,7 @@ def test_samples_below_the_surface_change_the_albedo(name: str, size: float) -> 
     found = pictures.expected_weight("", BELOW[name], pictures.GRAZING)
     assert found.caught and found.cleared
     assert found.handout == pytest.approx(size, abs=0.005)
-    directions, _ = checks.lobe_directions(BELOW[name], 10.0, pictures.GRAZING)
-    _, p = checks.direction_chi2(directions, checks.probed_lobe_pdf(OURS, 10.0, pictures.GRAZING))
-    assert (p < checks.LEVEL) == (name != "kept")
+    assert pictures.direction_chi2(BELOW[name], OURS, pictures.GRAZING).passed == (name == "kept")
 
 
 def test_samples_clamped_to_the_surface_do_no_harm() -> None:
@@ -132,19 +135,17 @@ def test_a_hasty_repair_loses_the_lobe() -> None:
 
 def test_frames_are_missing_along_the_diagonal_only() -> None:
     """±(1,1,1) and no other of the axes tried."""
-    axes = pictures.frame_axes()
-    bad = checks.frame_defects(TANGENT, axes) > pictures.ORTHONORMAL
-    np.testing.assert_allclose(np.abs(axes[bad]), 1 / np.sqrt(3), rtol=1e-6)
+    bad = checks.defects(frames(TANGENT.probe)(axes())) > ORTHONORMAL
+    np.testing.assert_allclose(np.abs(axes()[bad]), 1 / np.sqrt(3), rtol=1e-6)
     assert bad.sum() == 2
-    assert not (checks.frame_defects(OURS, axes) > pictures.ORTHONORMAL).any()
+    assert checks.frame(frames(OURS.probe)).passed
 
 
 @pytest.mark.parametrize(("variant", "lost"), [(TANGENT, True), (OURS, False)])
 def test_samples_of_the_panel_are_not_finite(variant: Variant, lost: bool) -> None:
     scene = load_scene(data_dir("mitsuba_scenes") / "exhibits" / "tangent.xml", width=32, height=24)
-    renderer = variant.renderer(scene, "mixture")
-    batch = renderer.render_batch(0, 0, 16)
-    renderer.release()
+    with Tracer("mixture", variant.library).open(scene.file) as renderer:
+        batch = renderer.render_batch(0, 0, 16)
     assert (batch.rejected > 0.05 * 16 * 32 * 24) == lost
     assert bool((batch.mean == 0).any()) == lost and np.isfinite(batch.mean).all()
 
@@ -166,12 +167,6 @@ def test_correlations_are_found_and_noise_is_not() -> None:
     assert found.caught and found.cleared and found.handout == pytest.approx(0.5, abs=0.05)
     across = numbers._correlated("", [smooth[0], white[0]], 1)
     assert not across.caught and across.cleared
-
-
-@pytest.mark.parametrize("bits", [8, 12, 24])
-def test_distinct_values_are_counted_against_chance(bits: int) -> None:
-    values = np.random.default_rng(6).integers(0, 2**bits, 1 << 18) / 2.0**bits
-    assert (checks.distinct_share(values) > numbers.ENOUGH_VALUES) == (bits == 24)
 
 
 def test_a_lattice_of_sines_is_another_one_in_mitsuba() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -78,11 +77,21 @@ def test_a_finished_picture_stays_as_it_is(scene: Scene, tmp_path: Path) -> None
     assert render_picture(scene, 4, tmp_path).png.exists()
 
 
+def _shallower(folder: Path) -> Scene:
+    """A file of the same name, with shorter paths."""
+    folder.mkdir()
+    text, deep = SPHERES.read_text(encoding="utf-8"), '<integer name="max_depth" value="6"/>'
+    assert deep in text
+    (folder / SPHERES.name).write_text(text.replace(deep, deep.replace("6", "2")), encoding="utf-8")
+    return load_scene(folder / SPHERES.name, width=24, height=16)
+
+
 def test_another_picture_is_never_continued(scene: Scene, tmp_path: Path) -> None:
     """Another size or depth under the same name is refused, as is a file that is no picture of ours."""
     render_picture(scene, 2, tmp_path)
-    with pytest.raises(StoreError, match="another picture"):
-        render_picture(dataclasses.replace(scene, max_depth=2), 2, tmp_path)
+    for other in (load_scene(SPHERES, width=24, height=17), _shallower(tmp_path / "other")):
+        with pytest.raises(StoreError, match="another picture"):
+            render_picture(other, 2, tmp_path)
     (tmp_path / "spheres.exr").write_bytes(b"not an image")
     with pytest.raises(StoreError, match="not an OpenEXR file"):
         render_picture(scene, 2, tmp_path)

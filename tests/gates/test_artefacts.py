@@ -19,7 +19,7 @@ from harness.gates import Gate, GateResult, load_gates, run_gate
 from harness.gates.artefacts import IMAGES, PICTURES, RESULT_FILE, as_json, command, error_json, save_result
 from harness.gates.summary import counted, percent, write_summary
 from harness.samples.exr import read_estimate
-from tests.support.gates import Noise, one_gate
+from tests.support.gates import Noise, judging, one_gate
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +29,12 @@ def gate(tmp_path_factory: pytest.TempPathFactory) -> Gate:
 
 @pytest.fixture(scope="module")
 def failed(gate: Gate) -> GateResult:
-    return run_gate(gate, renderer=Noise(0.01))
+    return run_gate(judging(gate, Noise(0.01)))
 
 
 @pytest.fixture(scope="module")
 def passed(gate: Gate) -> GateResult:
-    return run_gate(dataclasses.replace(gate, name="right"), renderer=Noise())
+    return run_gate(judging(dataclasses.replace(gate, name="right"), Noise()))
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,14 @@ from pathlib import Path
 import pytest
 
 from harness.errors import HarnessError
+from harness.estimators.constant import Constant
+from harness.estimators.mitsuba import Mitsuba
+from harness.estimators.stored import Stored
+from harness.estimators.tracer import Tracer
 from harness.files import data_dir
 from harness.gates import load_gates
 from harness.gates.lines import lines
-from harness.gates.model import FileReference, MitsubaReference, ValueReference
+from harness.scene import SceneFile
 from harness.stats.levels import family_level
 from harness.stats.verdicts import Tolerance
 from tests.support.gates import GATES, one_gate, write
@@ -40,12 +44,12 @@ class TestMeaning:
 
     def test_a_minimal_gate_has_the_defaults_of_the_harness(self, tmp_path: Path) -> None:
         gate = one_gate(tmp_path, MINIMAL)
-        assert gate.scene == data_dir("mitsuba_scenes") / "spheres.xml"
-        assert (gate.strategy, gate.reason, gate.size) == ("mixture", "Why not.", None)
+        assert gate.scene == SceneFile(data_dir("mitsuba_scenes") / "spheres.xml")
+        assert (gate.test, gate.strategy, gate.reason) == (Tracer("mixture"), "mixture", "Why not.")
         assert gate.tolerance == Tolerance()
-        assert gate.reference == MitsubaReference(32)
+        assert (gate.reference, gate.reference_spp) == (Mitsuba(), 32)
         assert gate.pass_level == pytest.approx(0.05)
-        assert (gate.shader, gate.glsl, gate.not_finite) == (None, None, 0.0)
+        assert gate.not_finite == 0.0
         assert gate.origin == f"{tmp_path / 'gates.toml'}:1"
 
     def test_a_list_of_strategies_makes_a_gate_of_each(self, tmp_path: Path) -> None:
@@ -61,7 +65,7 @@ class TestMeaning:
     def test_a_gates_own_values_win_over_the_files_defaults(self, tmp_path: Path) -> None:
         text = "[defaults]\nspp = 7\nsize = [20, 10]\ntolerance = { fine = 0.9, coarse = 0.5 }\n" + MINIMAL
         gate = one_gate(tmp_path, text + "spp = 9\ntolerance.coarse = 0.3\nconfidence = 0.9\nnot_finite = 0.5\n")
-        assert (gate.spp, gate.size) == (9, (20, 10))
+        assert (gate.spp, gate.scene.size) == (9, (20, 10))
         assert gate.tolerance == Tolerance(Tolerance().mean, 0.3, 0.9)
         assert gate.pass_level == pytest.approx(0.1)
         assert gate.not_finite == 0.5
@@ -72,12 +76,12 @@ class TestMeaning:
             (tmp_path / name).touch()
         gate = one_gate(tmp_path, MINIMAL.replace('"spheres"', '"sky.xml"')
                         + 'reference = { file = "truth.exr" }\nshader = "own.frag"\nglsl = "own"\n')
-        assert gate.scene == tmp_path / "sky.xml"
-        assert gate.reference == FileReference(tmp_path / "truth.exr")
-        assert (gate.shader, gate.glsl) == (tmp_path / "own.frag", tmp_path / "own")
+        assert gate.scene == SceneFile(tmp_path / "sky.xml")
+        assert gate.reference == Stored(tmp_path / "truth.exr")
+        assert gate.test == Tracer("mixture", shader=tmp_path / "own.frag", folder=tmp_path / "own")
 
     def test_a_closed_form_is_a_colour(self, tmp_path: Path) -> None:
-        assert one_gate(tmp_path).reference == ValueReference((0.5, 0.5, 0.5))
+        assert one_gate(tmp_path).reference == Constant((0.5, 0.5, 0.5))
 
     def test_gates_are_chosen_by_their_name_or_their_entrys(self, tmp_path: Path) -> None:
         file = load_gates(write(tmp_path, MINIMAL.replace('"mixture"', '["uniform", "mixture"]')
@@ -216,7 +220,7 @@ z = 1
 def test_the_default_suite_is_right(tmp_path: Path) -> None:
     file = load_gates(Path(__file__).parents[1] / "gates.toml")
     assert file.false_alarms == 0.01
-    covered = {gate.scene.stem for gate in file.gates}
+    covered = {gate.scene.path.stem for gate in file.gates}
     assert covered == {path.stem for path in data_dir("mitsuba_scenes").glob("*.xml")}
 
 

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from harness.errors import HarnessError, ShaderError
-from harness.files import data_dir
+from harness.estimators.tracer import Tracer
 from harness.gates import Gate, References, run_gate
-from harness.gates.runner import check_gate
-from harness.gates.shaders import gate_source
+from harness.gates.runner import opened
 from harness.reference.renderer import ReferenceRenderer
 from harness.samples.estimate import Batch, Estimate, merge, with_luminance
 from harness.samples.exr import write_estimate
 from harness.samples.store import Store
+from harness.scene import SceneFile
+from harness.shader.source import ShaderSource
 from harness.stats.tiles import TileAccumulator
 from harness.work.run import Run, tiles_of
 from tests.support.fakes import NoiseRenderer
-from tests.support.gates import GATES, SKY, Noise, one_gate, write
+from tests.support.gates import GATES, SKY, Noise, judging, one_gate, write
 
 
 @pytest.fixture
@@ -32,25 +34,25 @@ class TestOutcome:
     """pass, fail, inconclusive."""
 
     def test_a_right_render_passes_at_the_first_look(self, gate: Gate) -> None:
-        result = run_gate(gate, renderer=Noise())
+        result = run_gate(judging(gate, Noise()))
         assert (result.outcome, len(result.looks)) == ("pass", 1)
         assert result.test.samples == 16
 
     @pytest.mark.parametrize("bias", [0.01, -0.01])
     def test_a_bias_of_several_tolerances_fails_at_the_first_look(self, gate: Gate, bias: float) -> None:
-        result = run_gate(gate, renderer=Noise(bias))
+        result = run_gate(judging(gate, Noise(bias)))
         assert (result.outcome, len(result.looks)) == ("fail", 1)
         assert result.verdict.mean.error == pytest.approx(bias, rel=0.05)
 
     def test_a_bias_of_one_tolerance_never_passes(self, gate: Gate) -> None:
         """Neither fails nor passes: it lies on the edge, so all of the budget is drawn."""
-        result = run_gate(gate, renderer=Noise(gate.tolerance.mean))
+        result = run_gate(judging(gate, Noise(gate.tolerance.mean)))
         assert (result.outcome, len(result.looks)) == ("inconclusive", 3)
         assert result.test.samples == 64
         assert "the budget of 64 x 1 samples per pixel has ended" in result.reason
 
     def test_looks_share_the_error_rates(self, gate: Gate) -> None:
-        looks = run_gate(gate, renderer=Noise(gate.tolerance.mean)).looks
+        looks = run_gate(judging(gate, Noise(gate.tolerance.mean))).looks
         assert sum(look.verdict.mean.pass_level for look in looks) == pytest.approx(gate.pass_level)
         assert sum(look.verdict.mean.fail_level for look in looks) == pytest.approx(gate.fail_level / 3, rel=0.01)
 
@@ -59,13 +61,11 @@ class TestOutcome:
             def render_batch(self, *arguments: object, **options: object) -> Batch:  # type: ignore[override]
                 return dataclasses.replace(super().render_batch(*arguments, **options), rejected=1)  # type: ignore
 
-        def make(gate: Gate, scene: object) -> Rejecting:
-            return Rejecting(0.5, 0.01, (40, 40))
-
-        result = run_gate(gate, renderer=make)
+        rejecting = judging(gate, Rejecting(0.5, 0.01, (40, 40)))
+        result = run_gate(rejecting)
         assert (result.outcome, result.verdict.outcome) == ("fail", "pass")
         assert result.reason.startswith("16 of 25600 samples were not finite, or not counted in alpha; look for a")
-        assert run_gate(dataclasses.replace(gate, not_finite=1 / 1600), renderer=make).outcome == "pass"
+        assert run_gate(dataclasses.replace(rejecting, not_finite=1 / 1600)).outcome == "pass"
 
     def test_a_local_error_fails_although_the_mean_is_right(self, gate: Gate) -> None:
         class Patched(NoiseRenderer):
@@ -75,7 +75,7 @@ class TestOutcome:
                 batch.mean[30:34, 4:8] *= 0.8
                 return batch
 
-        result = run_gate(gate, renderer=lambda gate, scene: Patched(0.5, 0.01, (40, 40)))
+        result = run_gate(judging(gate, Patched(0.5, 0.01, (40, 40))))
         assert (result.outcome, result.verdict.mean.outcome) == ("fail", "pass")
         tile = result.verdict.fine.tile
         row, column = (tile * position for position in result.verdict.fine.worst)
@@ -86,43 +86,43 @@ class TestBudget:
     """Looks, and budgets that cannot decide."""
 
     def test_more_noise_takes_more_looks(self, gate: Gate) -> None:
-        assert [len(run_gate(gate, renderer=Noise(sigma=sigma)).looks) for sigma in (0.01, 0.03, 0.05)] == [1, 2, 3]
+        assert [len(run_gate(judging(gate, Noise(sigma=sigma))).looks) for sigma in (0.01, 0.03, 0.05)] == [1, 2, 3]
 
     def test_that_is_hopeless_is_refused_after_the_first_look(self, gate: Gate) -> None:
         """The message's number of samples is what a run then needs."""
         noise = Noise(sigma=1.0)
         with pytest.raises(HarnessError) as caught:
-            run_gate(gate, renderer=noise)
+            run_gate(judging(gate, noise))
         assert len(noise.made[0].calls) == 16
         message = str(caught.value)
         assert message.startswith(f"{gate.origin}: gate 'sky': a budget of 64 replicas of 1 samples per pixel is too "
                                   "small to decide; about ")
         factor = float(message.split("about ")[1].split(" times")[0])
         larger = dataclasses.replace(gate, spp=round(gate.spp * factor))
-        assert run_gate(larger, renderer=Noise(sigma=1.0)).outcome == "pass"
+        assert run_gate(judging(larger, Noise(sigma=1.0))).outcome == "pass"
 
     def test_that_is_hopeless_does_not_hide_a_gross_error(self, gate: Gate) -> None:
-        assert run_gate(gate, renderer=Noise(bias=0.5, sigma=0.3)).outcome == "fail"
+        assert run_gate(judging(gate, Noise(bias=0.5, sigma=0.3))).outcome == "fail"
 
     def test_that_errs_is_judged_without_regard_to_the_error(self, gate: Gate) -> None:
         """A bias within what is left open after the first look is no reason to refuse the budget."""
-        result = run_gate(gate, renderer=Noise(gate.tolerance.mean, sigma=0.05))
+        result = run_gate(judging(gate, Noise(gate.tolerance.mean, sigma=0.05)))
         assert len(result.looks) == 3
 
     def test_each_replica_is_drawn_once(self, gate: Gate) -> None:
         noise = Noise(gate.tolerance.mean)
-        run_gate(gate, renderer=noise)
+        run_gate(judging(gate, noise))
         assert noise.made[0].calls == [(replica, 0, 1) for replica in range(64)]
 
     def test_curves_begin_with_one_replica_and_end_with_all(self, gate: Gate) -> None:
-        result = run_gate(gate, renderer=Noise(0.01))
+        result = run_gate(judging(gate, Noise(0.01)))
         assert [point.samples for point in result.curve] == [1, 2, 4, 8, 16]
         assert np.isnan(result.curve[0].low)
         assert result.curve[-1].low < result.curve[-1].error < result.curve[-1].high
         assert result.curve[-1].error == pytest.approx(0.01, rel=0.05)
 
     def test_the_smallest_detectable_bias_exceeds_the_tolerance(self, gate: Gate) -> None:
-        found = run_gate(gate, renderer=Noise()).smallest_detectable
+        found = run_gate(judging(gate, Noise())).smallest_detectable
         for name, value in found.items():
             assert value > getattr(gate.tolerance, name)
         assert found["mean"] < found["coarse"] < found["fine"]
@@ -139,28 +139,31 @@ class TestReference:
         made: list[object] = []
 
         class Fake(NoiseRenderer):
-            def __init__(self, scene: object) -> None:
+            def __init__(self, scene: SceneFile, integrator: str, **options: object) -> None:
                 super().__init__(0.5, 0.01, (40, 40))
                 self.calls = calls
                 made.append(self)
 
-        monkeypatch.setattr("harness.gates.references.ReferenceRenderer", Fake)
+            def release(self) -> None:
+                pass
+
+        monkeypatch.setattr("harness.estimators.mitsuba.ReferenceRenderer", Fake)
         gates_file = write(tmp_path, GATES.replace("{ value = [0.5, 0.5, 0.5] }", "{ spp = 4 }"))
         gate = one_gate(tmp_path, gates_file.read_text())
         references = References(Store(tmp_path / "store"))
-        first = run_gate(gate, references, renderer=Noise())
-        run_gate(dataclasses.replace(gate, strategy="uniform"), references, renderer=Noise())
+        first = run_gate(judging(gate, Noise()), references)
+        run_gate(judging(gate, Noise(name="uniform")), references)
         assert calls == [(replica, 0, 4) for replica in range(16)]
         assert len(made) == 1
         assert first.looks[0].reference_samples == 64
-        run_gate(gate, References(Store(tmp_path / "store")), renderer=Noise(gate.tolerance.mean))
+        run_gate(judging(gate, Noise(gate.tolerance.mean)), References(Store(tmp_path / "store")))
         assert calls == [(replica, 0, 4) for replica in range(64)]
 
     def test_of_a_file_counts_with_its_variance(self, tmp_path: Path) -> None:
         truth = merge(NoiseRenderer(0.5, 0.1, (40, 40)).render_batch(99, k, 4) for k in range(32))
         write_estimate(tmp_path / "truth.exr", truth)
         gate = one_gate(tmp_path, GATES.replace("value = [0.5, 0.5, 0.5]", 'file = "truth.exr"'))
-        result = run_gate(gate, renderer=Noise(sigma=0.001))
+        result = run_gate(judging(gate, Noise(sigma=0.001)))
         width = (result.verdict.mean.high - result.verdict.mean.low)[0, 0]
         assert result.looks[0].reference_samples == 128
         # Student's interval from the 32 batches' variance, at the first look's share of the level.
@@ -171,18 +174,18 @@ class TestReference:
         write_estimate(tmp_path / "truth.exr", one)
         gate = one_gate(tmp_path, GATES.replace("value = [0.5, 0.5, 0.5]", 'file = "truth.exr"'))
         with pytest.raises(HarnessError, match=r"gate 'sky': the reference truth\.exr carries no variance"):
-            run_gate(gate, renderer=Noise())
+            run_gate(judging(gate, Noise()))
 
     def test_of_an_exact_file_is_exact(self, tmp_path: Path) -> None:
         write_estimate(tmp_path / "truth.exr", Estimate.exact(np.full((40, 40, 3), 0.5)))
         gate = one_gate(tmp_path, GATES.replace("value = [0.5, 0.5, 0.5]", 'file = "truth.exr"'))
-        assert run_gate(gate, renderer=Noise()).looks[0].reference_samples == 0
+        assert run_gate(judging(gate, Noise())).looks[0].reference_samples == 0
 
     def test_of_another_size_is_refused(self, tmp_path: Path) -> None:
         write_estimate(tmp_path / "truth.exr", Estimate.exact(np.full((20, 40, 3), 0.5)))
         gate = one_gate(tmp_path, GATES.replace("value = [0.5, 0.5, 0.5]", 'file = "truth.exr"'))
         with pytest.raises(HarnessError, match="is 40 x 20 pixels, the gate 40 x 40; set 'size'"):
-            run_gate(gate, renderer=Noise())
+            run_gate(judging(gate, Noise()))
 
     def test_pseudo_batches_have_the_moments_of_the_batches(self) -> None:
         """Tile by tile exactly, and over the whole image as independent pixels have them."""
@@ -205,7 +208,7 @@ class TestShader:
     """The gate's own shader in place of ours."""
 
     def test_is_ours_without_more(self, gate: Gate) -> None:
-        names = [name for name, _ in gate_source(gate, check_gate(gate)).files]
+        names = [name for name, _ in source(gate).files]
         assert names[0] == "path_tracer.frag"
         assert "lib/path.glsl" in names
 
@@ -214,13 +217,11 @@ class TestShader:
         own = own_file(tmp_path, "lib/path.glsl", "\ufeff// mine\n".encode())
         (tmp_path / "own" / "notes.txt").write_bytes(b"\xff")
         (tmp_path / "own" / "lib" / "._path.glsl").write_bytes(b"\xff")  # macOS leaves such beside files on a stick
-        source = gate_source(dataclasses.replace(gate, glsl=tmp_path / "own"), check_gate(gate))
-        assert (str(own), "// mine\n") in source.files
+        assert (str(own), "// mine\n") in source(with_own(gate, folder=tmp_path / "own")).files
 
     def test_files_of_our_own_that_the_scene_does_not_need_may_be_there(self, gate: Gate, tmp_path: Path) -> None:
         own_file(tmp_path, "lib/displaced.glsl", b"// mine\n")
-        source = gate_source(dataclasses.replace(gate, glsl=tmp_path / "own"), check_gate(gate))
-        assert "// mine\n" not in dict(source.files).values()
+        assert "// mine\n" not in dict(source(with_own(gate, folder=tmp_path / "own")).files).values()
 
     @pytest.mark.parametrize(("name", "message"), [
         ("phong.glsl", "'{own}/phong.glsl' stands in for nothing and nothing includes it; to stand in for the "
@@ -236,14 +237,15 @@ class TestShader:
     ) -> None:
         """Or the gate would pass with the harness's own in its place."""
         own_file(tmp_path, name, b"// mine\n")
-        with pytest.raises(HarnessError) as caught:
-            gate_source(dataclasses.replace(gate, glsl=tmp_path / "own"), check_gate(gate))
+        with pytest.raises(HarnessError) as caught, opened(with_own(gate, folder=tmp_path / "own")):
+            pass
         assert str(caught.value) == f"{gate.origin}: gate 'sky': {message.format(own=tmp_path / 'own')}"
 
     def test_two_for_one_place_are_refused(self, gate: Gate, tmp_path: Path) -> None:
         main = own_file(tmp_path, "path_tracer.frag", b"// mine\n")
-        with pytest.raises(HarnessError, match=r"both stand in for path_tracer\.frag; take one away"):
-            gate_source(dataclasses.replace(gate, glsl=tmp_path / "own", shader=main), check_gate(gate))
+        both = with_own(gate, folder=tmp_path / "own", shader=main)
+        with pytest.raises(HarnessError, match=r"both stand in for path_tracer\.frag; take one away"), opened(both):
+            pass
 
     def test_a_whole_shader_is_rendered(self, gate: Gate, tmp_path: Path) -> None:
         """A shader that shows half of a right radiance: a fail of -50 %, and one that is right passes."""
@@ -255,7 +257,7 @@ class TestShader:
             }"""
         for radiance, outcome in (("0.25, 0.25, 0.25, 1.0", "fail"), ("0.5, 0.5, 0.5, 1.0", "pass")):
             (tmp_path / "own.frag").write_text(body.replace("RADIANCE", radiance))
-            result = run_gate(dataclasses.replace(gate, shader=tmp_path / "own.frag"))
+            result = run_gate(with_own(gate, shader=tmp_path / "own.frag"))
             assert result.outcome == outcome
         assert run_gate(gate).outcome == "pass"
 
@@ -271,7 +273,7 @@ class TestShader:
     ) -> None:
         (tmp_path / "own.frag").write_bytes(text)
         with pytest.raises(ShaderError) as caught:
-            run_gate(dataclasses.replace(gate, shader=tmp_path / "own.frag"))
+            run_gate(with_own(gate, shader=tmp_path / "own.frag"))
         assert str(caught.value).startswith(f"{tmp_path / 'own.frag'}{message}")
 
 
@@ -285,9 +287,8 @@ class TestContract:
         ("before + vec4(1e30, 0.0, 0.0, 1e-30) * k", "25600 of 25600 samples were not finite, or not counted"),
         ("before + vec4(0.5, 0.5, 0.5 / (before.a - before.a), 1.0) * k", "25600 of 25600 samples were not finite")])
     def test_alpha_is_the_number_of_samples(self, gate: Gate, tmp_path: Path, sum_: str, told: str) -> None:
-        gate = dataclasses.replace(gate, spp=16, shader=own_shader(tmp_path, f"sum = {sum_};"), replicas=64)
-        small = dataclasses.replace(gate, size=(10, 10))
-        result = run_gate(small)
+        own = with_own(small(gate, 10), shader=own_shader(tmp_path, f"sum = {sum_};"))
+        result = run_gate(dataclasses.replace(own, spp=16, replicas=64))
         assert result.outcome == "fail"
         assert result.reason.startswith(told)
         assert np.isfinite(result.test.mean).all()
@@ -301,10 +302,26 @@ class TestContract:
             noise = f"vec3(fract(float(pixel * 2654435761u ^ ({seed}) * 40503u) * 2.3283e-10))"
             shader = own_shader(tmp_path, "uint pixel = uint(gl_FragCoord.x) + 40u * uint(gl_FragCoord.y);"
                                           f"sum = before + vec4(0.502 + 0.1 * ({noise} - 0.5), 1.0) * k;")
-            result = run_gate(dataclasses.replace(gate, shader=shader, size=(10, 10)))
+            result = run_gate(with_own(small(gate, 10), shader=shader))
             assert result.outcome == "fail"
             assert told in result.reason
             assert ("one image" in result.reason) == bool(told)
+
+
+def with_own(gate: Gate, **own: Path) -> Gate:
+    """The gate with somebody's own `shader`, or `folder` of files, under test."""
+    return dataclasses.replace(gate, test=Tracer(gate.strategy, **own))  # type: ignore[arg-type]
+
+
+def source(gate: Gate) -> ShaderSource:
+    """The shader that the gate judges."""
+    assert isinstance(gate.test, Tracer)
+    return gate.test.source(gate.scene)
+
+
+def small(gate: Gate, side: int) -> Gate:
+    """The gate at another size."""
+    return dataclasses.replace(gate, scene=gate.scene.sized(side, side))
 
 
 def own_file(folder: Path, name: str, content: bytes) -> Path:
@@ -330,21 +347,21 @@ def own_shader(folder: Path, body: str) -> Path:
 
 
 def test_a_strategy_that_does_not_suit_the_scene_is_refused(gate: Gate) -> None:
-    spheres = dataclasses.replace(gate, strategy="phong", scene=data_dir("mitsuba_scenes") / "spheres.xml")
+    spheres = dataclasses.replace(gate, test=Tracer("phong"), scene=SceneFile.bundled("spheres", (40, 40)))
     with pytest.raises(HarnessError, match="gate 'sky': strategy 'phong' does not suit the scene: lobe-only sampling"):
-        run_gate(spheres, renderer=Noise())
+        run_gate(spheres)
 
 
 def test_a_film_that_is_too_large_is_refused(tmp_path: Path) -> None:
     gate = one_gate(tmp_path, GATES.replace("size = [40, 40]\n", ""))
-    gate.scene.write_text(SKY.replace('"hdrfilm">', '"hdrfilm"><integer name="width" value="2000"/>'))
+    gate.scene.path.write_text(SKY.replace('"hdrfilm">', '"hdrfilm"><integer name="width" value="2000"/>'))
     with pytest.raises(HarnessError, match="film has 2000 x 576 pixels, a gate at most 1024 a side; set 'size'"):
-        run_gate(gate, renderer=Noise())
+        run_gate(judging(gate, Noise()))
 
 
 def test_a_run_grows_and_keeps_its_order() -> None:
     """The tiles of the first replicas do not depend on how many came after."""
-    short, long = (Run(NoiseRenderer(size=(20, 20)), 2, 4) for _ in range(2))
+    short, long = (Run(NoiseRenderer(size=(20, 20)), 2) for _ in range(2))
     short.grow(3)
     long.grow(2)
     long.grow(9)
@@ -355,27 +372,39 @@ def test_a_run_grows_and_keeps_its_order() -> None:
 def test_mitsubas_reference_is_what_gates_are_held_against(tmp_path: Path) -> None:
     """End to end once: the tracer's shader and Mitsuba on one scene, which is exact for both."""
     gate = one_gate(tmp_path, GATES.replace("{ value = [0.5, 0.5, 0.5] }", "{ spp = 2 }"))
-    references = References()
-    result = run_gate(gate, references)
-    assert result.outcome == "pass"
-    run = references.of(gate, check_gate(gate))
-    assert isinstance(run, Run) and isinstance(run.renderer, ReferenceRenderer)
+    with References() as references:
+        result = run_gate(gate, references)
+        assert result.outcome == "pass"
+        run = references.of(gate)
+        assert isinstance(run, Run) and run.renderer.identity["renderer"] == "mitsuba"
 
 
-def test_one_of_mitsubas_scenes_is_held_at_a_time(tmp_path: Path) -> None:
+def test_one_of_mitsubas_scenes_is_held_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was drawn of the others is kept, and more can be."""
+    living: list[ReferenceRenderer] = []
+
+    class Watched(ReferenceRenderer):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            super().__init__(*arguments, **options)
+            living.append(self)
+
+        def release(self) -> None:
+            super().release()
+            living.remove(self)
+
+    monkeypatch.setattr("harness.estimators.mitsuba.ReferenceRenderer", Watched)
     first = one_gate(tmp_path, GATES.replace("{ value = [0.5, 0.5, 0.5] }", "{ spp = 2 }"))
-    second = dataclasses.replace(first, size=(20, 20))
-    references, released = References(), []
-    runs = [references.of(gate, check_gate(gate)) for gate in (first, second)]
+    second = small(first, 20)
+    references, sizes = References(), []
+    runs = [references.of(gate) for gate in (first, second)]
     for run in runs:
-        assert isinstance(run, Run) and isinstance(run.renderer, ReferenceRenderer)
         run.grow(1)
-        released.append(run.renderer)
-    references.of(second, check_gate(second))
-    assert [renderer.is_released for renderer in released] == [True, False]
-    references.release()
-    assert [renderer.is_released for renderer in released] == [True, True]
-    assert references.of(first, check_gate(first)) is runs[0]
+        sizes.append([renderer.scene.size for renderer in living])
+    assert sizes == [[(40, 40)], [(20, 20)]]
+    references.close()
+    assert living == []
+    assert references.of(first) is runs[0]
     runs[0].grow(2)
     assert runs[0].estimate().samples == 4
+    references.close()
+    assert living == []

@@ -10,12 +10,11 @@ import pytest
 
 from harness.errors import HarnessError, SceneError
 from harness.gpu.context import context
-from harness.gpu.probes import evaluate
-from harness.gpu.renderer import TracerRenderer
 from harness.gpu.samplers import Samplers
 from harness.reference.prepare import instantiate
 from harness.scene import Scene, load_scene
 from harness.shader.scene.chunk import scene_chunk
+from tests.support.tracer import TracerRenderer, evaluate
 
 FREE_UNIT = 4  # of the texture units; the probe uses those before
 POINTS = 4000
@@ -42,7 +41,7 @@ def in_mitsuba(mi: Any, scene: Scene, uv: np.ndarray, shape: int = 0) -> np.ndar
 
     si = dr.zeros(mi.SurfaceInteraction3f, len(uv))
     si.uv = mi.Point2f(uv.T.astype(np.float32))
-    return np.array(instantiate(scene).shapes()[shape].bsdf().eval_diffuse_reflectance(si)).T
+    return np.array(instantiate(scene.file).shapes()[shape].bsdf().eval_diffuse_reflectance(si)).T
 
 
 def random_uv(low: float = -2, high: float = 3) -> np.ndarray:

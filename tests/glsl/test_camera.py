@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.gpu.probes import evaluate
 from harness.shader.scene.chunk import scene_chunk
+from tests.support.tracer import evaluate
 
 DIRECTION_TOLERANCE = 5e-7
 ORIGIN_TOLERANCE = 1e-6

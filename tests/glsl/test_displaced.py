@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from harness.files import data_dir
-from harness.gpu.probes import evaluate
-from harness.gpu.renderer import MAX_ITERATIONS, TracerRenderer, tracer_source
+from harness.gpu.context import device
 from harness.scene import Scene
 from harness.scene.displaced import bounds, normal, radius
 from harness.scene.model import Displacement, Shape
 from harness.shader.scene.chunk import scene_chunk
 from harness.shader.scene.displaced import march_steps
 from tests.support.scenes import SENSOR, SceneWriter
+from tests.support.tracer import TracerRenderer, evaluate, tracer_source
 
 NO_HIT = 1e30  # lib/shapes.glsl
 RAYS = 800
@@ -268,9 +268,9 @@ def test_a_grey_displaced_sphere_darkens_by_its_bounces(scene: SceneWriter) -> N
 def test_results_do_not_depend_on_samples_per_pass(scene: SceneWriter) -> None:
     built = scene(FURNACE + sphere_xml("fractal", FRACTAL, 0.4), sensor=CLOSE)
     renderer = TracerRenderer(built, "mixture")
-    assert renderer._max_samples * built.max_depth * (1 + march_steps(built.shapes)) <= MAX_ITERATIONS
+    assert renderer._pingpong.max_samples * built.max_depth * (1 + march_steps(built.shapes)) <= device().max_iterations
     whole = renderer.render_batch(0, 0, 24)
-    renderer._max_samples = 5
+    renderer._pingpong.max_samples = 5
     pieces = renderer.render_batch(0, 0, 24)
     renderer.release()
     assert whole.rejected == pieces.rejected == 0

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from harness.files import data_dir
-from harness.gpu import renderer as renderer_module
-from harness.gpu.probes import evaluate
-from harness.gpu.renderer import TracerRenderer
+from harness.gpu import pingpong
 from harness.gpu.samplers import Samplers
 from harness.reference.prepare import instantiate
 from harness.scene import Scene, load_scene
 from harness.scene.bitmaps import environment_texels
 from harness.shader.scene.chunk import scene_chunk
+from tests.support.tracer import TracerRenderer, evaluate
 
 FREE_UNIT = 4  # of the texture units; the probe uses those before
 DIRECTIONS = 6000
@@ -66,7 +65,7 @@ def in_mitsuba(mi: Any, scene: Scene, d: np.ndarray) -> np.ndarray:
 
     si = dr.zeros(mi.SurfaceInteraction3f, len(d))
     si.wi = -mi.Vector3f(d.T)
-    return np.array(instantiate(scene).environment().eval(si)).T
+    return np.array(instantiate(scene.file).environment().eval(si)).T
 
 
 def defined(texels: np.ndarray, d: np.ndarray) -> np.ndarray:
@@ -136,7 +135,7 @@ def test_bits_do_not_depend_on_passes(monkeypatch: pytest.MonkeyPatch) -> None:
         loaded = load_scene(data_dir("mitsuba_scenes") / f"{name}.xml", width=24, height=16)
         images = []
         for samples_per_pass in (32, 5):
-            monkeypatch.setattr(renderer_module, "MAX_SAMPLES_PER_PASS", samples_per_pass)
+            monkeypatch.setattr(pingpong, "MAX_SAMPLES_PER_PASS", samples_per_pass)
             renderer = TracerRenderer(loaded, "mixture")
             images.append(renderer.render_batch(3, 7, 32).mean)
             renderer.release()

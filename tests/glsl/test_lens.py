@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.gpu.probes import evaluate
 from harness.scene import Scene
 from harness.shader.scene.chunk import scene_chunk
+from tests.support.tracer import evaluate
 
 TOLERANCE = 3e-6  # of directions, and of origins some units from the world's: a few float32 spacings
 SAMPLES = 5000

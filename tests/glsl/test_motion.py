@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.gpu.probes import evaluate
-from harness.gpu.renderer import TracerRenderer
 from harness.scene import Scene, load_scene
 from harness.scene.model import as_matrix
 from harness.scene.motion import screw, settled
 from harness.shader.scene.chunk import scene_chunk
+from tests.support.tracer import TracerRenderer, evaluate
 
 SCENES = Path(__file__).parents[2] / "mitsuba_scenes"
 RAYS = 4000
@@ -116,7 +115,7 @@ def test_motion_leaves_no_sample_out() -> None:
     """And is the same to the bit however the samples are divided."""
     renderer = TracerRenderer(load_scene(SCENES / "motion_blur.xml", width=32, height=24), "mixture")
     whole = renderer.render_batch(2, 0, 32)
-    renderer._max_samples = 5
+    renderer._pingpong.max_samples = 5
     parts = renderer.render_batch(2, 0, 32)
     renderer.release()
     assert whole.rejected == 0

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
-from harness.gpu.probes import evaluate
+from harness.files import data_dir
 from harness.reference.procedural import arithmetic
-from harness.scene.noise import NUMPY, Arithmetic, fbm, value_noise
+from harness.scene.noise import AXES, NUMPY, OCTAVE, OFFSET, SEED_FACTOR, UNIT, Arithmetic, fbm, value_noise
+from tests.support.tracer import evaluate
 
 COUNT = 4000
 SEED = 3_000_000_019  # beyond 31 bits, and odd
@@ -61,3 +63,12 @@ def test_shader_agrees_with_float64(where: str) -> None:
     np.testing.assert_allclose(found, expected, atol=1e-5)
     if where == "lattice":  # the corners' own values, on which nothing is lost
         np.testing.assert_array_equal(found[:, :5], expected[:, :5])
+
+
+def test_both_sides_hold_the_same_constants() -> None:
+    """Each on its own: where one differs, the comparisons above say only that the noise is another."""
+    text = (data_dir("glsl") / "lib" / "noise.glsl").read_text(encoding="utf-8")
+    found = {name: int(value, 0) for name, value in re.findall(r"^const uint (\w+) = (\w+)u;", text, re.MULTILINE)}
+    axes = dict(zip(("NOISE_X", "NOISE_Y", "NOISE_Z"), AXES, strict=True))
+    assert found == axes | {"NOISE_SEED": SEED_FACTOR, "NOISE_OFFSET": OFFSET, "NOISE_OCTAVE": OCTAVE}
+    assert f"const float NOISE_UNIT = 1.0 / {1 / UNIT};" in text

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.gpu.renderer import TracerRenderer
 from harness.scene import Scene
 from tests.support.scenes import SceneWriter
+from tests.support.tracer import TracerRenderer
 
 PIXELS = 32  # of the film, a side
 TEXELS = 1024  # of the wall, a side: it fills the film twice, so that a pixel is 16 texels wide

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from harness.api import render, render_reference
-from harness.gpu.probes import evaluate
-from harness.gpu.renderer import TracerRenderer
+from harness.files import data_dir
 from harness.policy import judge
 from harness.reference.prepare import instantiate
 from harness.samples.estimate import Estimate
@@ -23,8 +21,9 @@ from harness.scene.procedural import KINDS, ramp
 from harness.scene.procedural import evaluate as formula
 from harness.shader.scene.chunk import scene_chunk
 from tests.support.scenes import SceneWriter
+from tests.support.tracer import TracerRenderer, evaluate
 
-SCENES = Path(__file__).parents[2] / "mitsuba_scenes"
+SCENES = data_dir("mitsuba_scenes")
 AGREEMENT = 1e-5  # of two float32 evaluations of one colour within [0, 1]
 PLACES = (
     '<transform name="to_world"><rotate x="0.6" z="0.8" angle="50"/><scale value="1.7"/>'
@@ -36,7 +35,7 @@ PLACES = (
 
 def texture(name: str, rng: np.random.Generator, *, kind: str = "", scale: float = 1.0) -> str:
     """A texture of random kind and parameters, colours up to `scale`."""
-    kind = kind or str(rng.choice(["fractal", "marble", "wood"]))
+    kind = kind or str(rng.choice(list(KINDS)))
     colors = "".join(f'<rgb name="color{i}" value="{r:.4f}, {g:.4f}, {b:.4f}"/>'
                      for i, (r, g, b) in enumerate(scale * rng.uniform(size=(rng.integers(2, 9), 3))))
     numbers = {"lacunarity": rng.uniform(1.5, 2.5), "gain": rng.uniform(0.3, 0.8), "frequency": rng.uniform(0.5, 5)}
@@ -91,7 +90,7 @@ def test_shader_and_mitsuba_agree(mi: Any, scene: SceneWriter, seed: int) -> Non
     bodies = ['<ref id="shared"/>', full, '<ref id="shared"/>']
     made = scene(shared + "".join(f'<shape type="sphere">{place}{body}</shape>'
                                   for place, body in zip(PLACES, bodies, strict=True)))
-    twin = instantiate(made)  # must outlive what is computed from it
+    twin = instantiate(made.file)  # must outlive what is computed from it
     for index in range(3):
         found, expected = shader(made, index, points()), mitsuba(mi, twin.shapes()[index], points())
         for name, values in expected.items():
@@ -111,6 +110,18 @@ def test_shader_agrees_with_float64(scene: SceneWriter, kind: str) -> None:
     t, _ = formula(NUMPY, kd, (p[:, 0], p[:, 1], p[:, 2]))
     expected = np.stack([ramp(NUMPY, t, stops)[0] for stops in zip(*kd.colors, strict=True)], axis=-1)
     np.testing.assert_allclose(shader(made, 0, p)["kd"], expected, atol=AGREEMENT)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_both_sides_hold_the_same_constants(kind: str) -> None:
+    """NAME_RISE and NAME_GRAIN of the library, where it has them, are those of the kind's row."""
+    text = (data_dir("glsl") / "lib" / "procedural.glsl").read_text(encoding="utf-8")
+    rise = re.search(rf"^const float {kind.upper()}_RISE = ([\d.]+);", text, re.MULTILINE)
+    grain = re.search(rf"^const vec3 {kind.upper()}_GRAIN = vec3\(([\d., ]+)\);", text, re.MULTILINE)
+    row = KINDS[kind]
+    assert (rise is None) == (row.distortion is None)
+    assert rise is None or float(rise[1]) == row.rise
+    assert (tuple(map(float, grain[1].split(", "))) if grain else (1.0, 1.0, 1.0)) == row.grain
 
 
 def noise_calls(scene: Scene) -> int:

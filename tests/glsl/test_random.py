@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.gpu.probes import evaluate
+from tests.support.tracer import evaluate
 
 DRAWS = 8
 # Rows in the plane of pixels, samples or replicas that a test looks at.

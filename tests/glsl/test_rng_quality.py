@@ -14,9 +14,9 @@ import pytest
 from scipy import stats
 
 from harness.course.variants import OURS, RANDOM, Variant
-from harness.gpu.renderer import TracerRenderer
 from harness.samples.estimate import luminance
 from harness.scene import load_scene
+from tests.support.tracer import TracerRenderer
 
 LEVEL = 1e-4
 BITS = 24
@@ -113,7 +113,7 @@ def test_rendered_noise_is_white(variant: Variant, independent: bool) -> None:
     The handout's generator knows no replicas, and gives neighbouring rows the same noise.
     """
     scene = load_scene(SCENES / "furnace_cube.xml", width=64, height=64)
-    renderer = TracerRenderer(scene, "uniform", variant.source(scene, "uniform"))
+    renderer = TracerRenderer(scene, "uniform", variant.library.tracer(scene, "uniform"))
     batches = [luminance(renderer.render_batch(replica, start, 8).mean)
                for replica in (0, 1) for start in range(1_000_000, 1_000_256, 8)]
     renderer.release()

@@ -1,89 +1,35 @@
-"""The shader's samplers and BRDF against Mitsuba: its own chi² test, its plugin's values; and where samples fall.
+"""The shader's samplers against their pdfs, its BRDF against Mitsuba's plugin; and where samples fall in a pixel.
 
-Directions and pdfs come from the shader, the tables and the statistic from `mi.chi2`. The chi² tests here would reject
-a right shader, all of them together, in one of a thousand changes of the seeds.
+The χ² tests here would reject a right shader, all of them together, in one of a thousand changes of the seeds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from harness.checks import Crowded, Finding, chi2, shared_level
+from harness.checks.domains import UP, Axis
+from harness.checks.shader import Vertex, sampler
 from harness.course.variants import LOBE_PDF, OURS, Variant
-from harness.gpu.renderer import TracerRenderer
 from harness.reference.plugins import register_plugins
 from harness.scene import Scene
 from harness.shader.strategies import STRATEGIES
+from tests.support.tracer import TracerRenderer
 
 FAMILY = 1e-3
-SAMPLERS = {"uniform": 0, "cosine": 1, "lobe": 2}
 SAMPLER_CASES = [("uniform", 0.0), ("cosine", 1.0), *(("lobe", alpha) for alpha in (0.0, 1.0, 10.0, 100.0, 1000.0))]
-AXES = {"111": np.ones(3) / np.sqrt(3), "tilted": np.array([-0.4, 0.5, -0.2]) / np.linalg.norm([-0.4, 0.5, -0.2])}
+AXES: dict[str, Axis] = {name: (float(x), float(y), float(z)) for name, (x, y, z) in (
+    ("111", np.float32(np.ones(3) / np.sqrt(3))),
+    ("tilted", np.float32(np.array([-0.4, 0.5, -0.2]) / np.linalg.norm([-0.4, 0.5, -0.2]))))}
 STRATEGY_CASES = [(strategy, alpha, angle) for strategy in STRATEGIES for alpha in (10.0, 1000.0)
                   for angle in (30.0, 85.0)]
 TESTS = len(SAMPLER_CASES) * len(AXES) + len(STRATEGY_CASES)
-SAMPLES = 1 << 18
-# Rows of cells, half as many columns; steps of the trapezoid rule in each, for the pdf jumps inside one at the horizon.
-CELLS, STEPS = 51, 20
 GLOSSY = 0.6  # probability of the lobe where a strategy chooses
-
-Evaluate = Callable[[Any], np.ndarray]
-
-
-class Stretched:
-    """The sphere as (φ, t) about an axis, 1 - cos θ = 2 t⁴: cells shrink towards the axis, where narrow lobes are.
-
-    Mitsuba's SphericalDomain puts the whole lobe of α = 1000 into one row of cells. Densities are to be multiplied by
-    `jacobian`.
-    """
-
-    def __init__(self, mi: Any, axis: np.ndarray) -> None:
-        self.mi, self.frame = mi, mi.Frame3f(mi.Vector3f(*map(float, axis)))
-
-    def bounds(self) -> Any:
-        return self.mi.ScalarBoundingBox2f([-np.pi, 0], [np.pi, 1])
-
-    def aspect(self) -> int:
-        return 2
-
-    def map_forward(self, p: Any) -> Any:
-        import drjit as dr
-
-        drop = 2 * dr.square(dr.square(p.y))
-        sine = dr.safe_sqrt(drop * (2 - drop))
-        return self.frame.to_world(self.mi.Vector3f(dr.cos(p.x) * sine, dr.sin(p.x) * sine, 1 - drop))
-
-    def map_backward(self, d: Any) -> Any:
-        import drjit as dr
-
-        local = self.frame.to_local(d)
-        drop = dr.select(local.z > 0, (dr.square(local.x) + dr.square(local.y)) / (1 + local.z), 1 - local.z)
-        t = dr.sqrt(dr.sqrt(dr.clip(0.5 * drop, 0, 1)))
-        return self.mi.Vector2f(dr.atan2(local.y, local.x), t)
-
-    def jacobian(self, d: Any) -> Any:
-        import drjit as dr
-
-        t = self.map_backward(d).y
-        return 8 * dr.square(t) * t
-
-
-def chi2(mi: Any, axis: np.ndarray, directions: Evaluate, pdf: Evaluate) -> Any:
-    """`mi.chi2.ChiSquareTest` of directions (N, 3) from two uniform numbers, against their pdf; not yet run."""
-    domain = Stretched(mi, axis)
-
-    def sample(u: Any) -> Any:
-        drawn = np.float32(directions(u))
-        assert np.isfinite(drawn).all()  # of NaN the histogram would take whatever cell, outside its memory too
-        return mi.Vector3f(*drawn.T)
-
-    return mi.chi2.ChiSquareTest(
-        domain, sample, lambda d: mi.Float(np.float32(pdf(d))) * domain.jacobian(d),
-        sample_count=SAMPLES, res=CELLS, ires=STEPS)
+LEVEL = shared_level(FAMILY, TESTS)
 
 
 def columns(*arrays: Any) -> np.ndarray:
@@ -92,70 +38,40 @@ def columns(*arrays: Any) -> np.ndarray:
     return np.stack(broadcast, axis=-1)
 
 
-def lobe_pdf(variant: Variant, cosine: np.ndarray, alpha: float) -> np.ndarray:
-    """The shader's three pdfs (N, 3) at cosines (N,)."""
-    return variant.probe("pdf.frag", columns(cosine, alpha))[:, :3]
-
-
-def sampler_test(mi: Any, sampler: str, alpha: float, axis: np.ndarray, variant: Variant = OURS) -> Any:
+def sampler_chi2(name: str, alpha: float, axis: Axis, variant: Variant = OURS) -> Finding:
     """Directions from the variant's sampler about an axis, against the variant's own pdf."""
-    frame = np.float32(axis).astype(float)
-
-    def directions(u: Any) -> np.ndarray:
-        return variant.probe("sampling.frag", columns(*frame, np.full(SAMPLES, alpha)), columns(u.x, u.y),
-                             defines={"SAMPLER": SAMPLERS[sampler]})[:, :3]
-
-    def pdf(d: Any) -> np.ndarray:
-        return lobe_pdf(variant, np.array(d).T @ frame, alpha)[:, SAMPLERS[sampler]]
-
-    return chi2(mi, frame, directions, pdf)
+    sample, pdf = sampler(variant.probe, name, axis, alpha)
+    return chi2(sample, pdf, Crowded(axis), level=LEVEL)
 
 
 @pytest.mark.parametrize("axis", AXES)
-@pytest.mark.parametrize(("sampler", "alpha"), SAMPLER_CASES)
-def test_samplers_follow_their_pdfs(mi: Any, sampler: str, alpha: float, axis: str) -> None:
-    test = sampler_test(mi, sampler, alpha, AXES[axis])
-    assert test.run(FAMILY, test_count=TESTS, quiet=True), test.messages
+@pytest.mark.parametrize(("name", "alpha"), SAMPLER_CASES)
+def test_samplers_follow_their_pdfs(name: str, alpha: float, axis: str) -> None:
+    found = sampler_chi2(name, alpha, AXES[axis])
+    assert found.passed, found.sentence
 
 
 @pytest.mark.parametrize(("strategy", "alpha", "angle"), STRATEGY_CASES)
-def test_strategies_follow_their_pdfs(mi: Any, strategy: str, alpha: float, angle: float) -> None:
-    """The directions that the estimator goes on in, those below the surface included, for a viewer at `angle`.
-
-    lobes and mixture draw from the same pair of terms; they differ in what they divide by.
-    """
-    normal, mirror = np.array([0.0, 0.0, 1.0]), np.array([-np.sin(np.radians(angle)), 0.0, np.cos(np.radians(angle))])
-
-    def directions(u: Any) -> np.ndarray:
-        n, v = columns(*normal, np.zeros(SAMPLES)), columns(*(mirror * [-1, 1, 1]), np.zeros(SAMPLES))
-        material = {"kd": (0.4, 0.4, 0.4), "ks": (0.6, 0.6, 0.6), "alpha": alpha, "p_glossy": GLOSSY, "replica": 5}
-        found = OURS.probe("phong.frag", n, v, v, outputs=3, uniforms=material,
-                           defines={"STRATEGY": STRATEGIES.index(strategy)})
-        return found[:, 4:7]
-
-    def pdf(d: Any) -> np.ndarray:
-        at = np.array(d).T
-        uniform, cosine = lobe_pdf(OURS, at @ normal, alpha)[:, :2].T
-        lobe = lobe_pdf(OURS, at @ mirror, alpha)[:, 2]
-        mixed = (1 - GLOSSY) * cosine + GLOSSY * lobe
-        return {"uniform": uniform, "cosine": cosine, "phong": lobe, "lobes": mixed, "mixture": mixed}[strategy]
-
-    test = chi2(mi, mirror if strategy in ("phong", "lobes", "mixture") else normal, directions, pdf)
-    assert test.run(FAMILY, test_count=TESTS, quiet=True), test.messages
+def test_strategies_follow_their_pdfs(strategy: str, alpha: float, angle: float) -> None:
+    """The directions that the estimator goes on in, those below the surface included, for a viewer at `angle`."""
+    vertex = Vertex(alpha, np.radians(angle).item(), kd=(0.4, 0.4, 0.4), ks=(0.6, 0.6, 0.6), share=GLOSSY)
+    sample, pdf = vertex.sampler(OURS.probe, strategy, replica=5)
+    found = chi2(sample, pdf, Crowded(vertex.mirror if strategy in ("phong", "lobes", "mixture") else UP), level=LEVEL)
+    assert found.passed, found.sentence
 
 
 @pytest.mark.parametrize("alpha", [1.0, 10.0, 1000.0])
-def test_the_same_test_rejects_the_handouts_pdf(mi: Any, alpha: float) -> None:
+def test_the_same_test_rejects_the_handouts_pdf(alpha: float) -> None:
     """Over π² where 2π belongs, with directions that are right."""
-    assert not sampler_test(mi, "lobe", alpha, AXES["111"], LOBE_PDF).run(FAMILY, test_count=TESTS, quiet=True)
+    assert not sampler_chi2("lobe", alpha, AXES["111"], LOBE_PDF).passed
 
 
-def test_the_same_test_rejects_an_exponent_five_percent_off(mi: Any) -> None:
+def test_the_same_test_rejects_an_exponent_five_percent_off() -> None:
     """Directions for α = 105 against the pdf for 100."""
-    axis = np.float32(AXES["tilted"]).astype(float)
-    test, other = (sampler_test(mi, "lobe", alpha, axis) for alpha in (100.0, 105.0))
-    test.sample_func = other.sample_func
-    assert not test.run(FAMILY, test_count=TESTS, quiet=True)
+    axis = AXES["tilted"]
+    sample, _ = sampler(OURS.probe, "lobe", axis, 105.0)
+    _, pdf = sampler(OURS.probe, "lobe", axis, 100.0)
+    assert not chi2(sample, pdf, Crowded(axis), level=LEVEL).passed
 
 
 @pytest.mark.parametrize("alpha", [0.0, 1.0, 10.0, 1000.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.gpu.probes import evaluate
+from tests.support.tracer import evaluate
 
 SAMPLERS = {"uniform": 0, "cosine": 1, "lobe": 2}
 ALPHAS = (0.0, 0.5, 1.0, 10.0, 100.0, 1000.0)

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.gpu.probes import evaluate
 from harness.scene import Scene
 from harness.shader.scene.chunk import scene_chunk
+from tests.support.tracer import evaluate
 
 NO_HIT = 1e30  # lib/shapes.glsl
 KINDS = ["sphere", "rectangle", "disk", "cube", "cylinder"]

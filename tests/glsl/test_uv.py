@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.gpu.probes import evaluate
 from harness.shader.scene.chunk import scene_chunk
+from tests.support.tracer import evaluate
 
 RAYS = 4000
 BOARD = '<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>'

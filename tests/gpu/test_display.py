@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.gpu.display import display
+from tests.support.tracer import display
 
 
 def srgb(linear: np.ndarray) -> np.ndarray:

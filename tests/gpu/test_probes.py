@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from harness.errors import ShaderError
-from harness.gpu.probes import evaluate
+from tests.support.tracer import evaluate
 
 PROBES = sorted((Path(__file__).parents[2] / "glsl" / "probes").glob("*.frag"))
 

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 
 from harness.errors import HarnessError, ShaderError
-from harness.gpu import renderer as renderer_module
-from harness.gpu.renderer import MAX_ITERATIONS, TracerRenderer, tracer_source
+from harness.gpu import pingpong
+from harness.gpu.context import device
 from harness.samples.estimate import Batch
+from harness.samples.keys import code_digest
 from harness.scene import Camera, Material, Scene, Shape, load_scene
 from harness.shader.strategies import STRATEGIES, check_strategy, suitable_strategies
+from tests.support.tracer import TracerRenderer, tracer_source
 
 SCENES = Path(__file__).parents[2] / "mitsuba_scenes"
 IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
@@ -62,8 +64,9 @@ def test_counting_sees_lost_samples(monkeypatch: pytest.MonkeyPatch) -> None:
 
     The test above would be worth nothing if it could not.
     """
-    monkeypatch.setattr(renderer_module, "MAX_ITERATIONS", 4 * MAX_ITERATIONS)
-    monkeypatch.setattr(renderer_module, "MAX_SAMPLES_PER_PASS", 128)
+    lax = dataclasses.replace(device(), max_iterations=4 * device().max_iterations)
+    monkeypatch.setattr(pingpong, "device", lambda: lax)
+    monkeypatch.setattr(pingpong, "MAX_SAMPLES_PER_PASS", 128)
     assert render(closed_box(1024), "cosine", 0, 0, 128).rejected > 0
 
 
@@ -72,8 +75,8 @@ def test_bits_do_not_depend_on_bands_and_passes(monkeypatch: pytest.MonkeyPatch,
     """One row and one sample a draw, as on a slow device, gives the bits of the largest draws."""
     batches = []
     for first_draw, seconds in ((1, 0.0), (1 << 30, 1e9), (40 * 7 * 3, 0.25)):
-        monkeypatch.setattr(renderer_module, "FIRST_DRAW", first_draw)
-        monkeypatch.setattr(renderer_module, "DRAW_SECONDS", seconds)
+        monkeypatch.setattr(pingpong, "FIRST_DRAW", first_draw)
+        monkeypatch.setattr(pingpong, "DRAW_SECONDS", seconds)
         batches.append(render(busy(), strategy, 2, 5, 100))
     for batch in batches[1:]:
         np.testing.assert_array_equal(batch.mean, batches[0].mean)
@@ -83,12 +86,12 @@ def test_bits_do_not_depend_on_bands_and_passes(monkeypatch: pytest.MonkeyPatch,
 def test_a_slow_device_gets_many_small_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     """The two settings of the test above do differ in the number of draws, and the frame is covered by both."""
     draws = []
-    original = renderer_module.Program.draw
-    monkeypatch.setattr(renderer_module.Program, "draw", lambda self: (draws.append(1), original(self))[1])
+    original = pingpong.Program.draw
+    monkeypatch.setattr(pingpong.Program, "draw", lambda self: (draws.append(1), original(self))[1])
     counts = []
     for first_draw, seconds in ((1, 0.0), (1 << 30, 1e9)):
-        monkeypatch.setattr(renderer_module, "FIRST_DRAW", first_draw)
-        monkeypatch.setattr(renderer_module, "DRAW_SECONDS", seconds)
+        monkeypatch.setattr(pingpong, "FIRST_DRAW", first_draw)
+        monkeypatch.setattr(pingpong, "DRAW_SECONDS", seconds)
         draws.clear()
         np.testing.assert_array_equal(render(sky(8, 100), "cosine", 0, 0, 64).mean, 1)
         counts.append(len(draws))
@@ -179,7 +182,7 @@ def stuck(monkeypatch: pytest.MonkeyPatch, *clocks: str) -> TracerRenderer:
     renderer.render_batch(0, 0, 1)
     seconds = iter(range(0, 1000, 3))
     for clock in clocks:
-        monkeypatch.setattr(renderer_module.time, clock, lambda: next(seconds))
+        monkeypatch.setattr(pingpong.time, clock, lambda: next(seconds))
     return renderer
 
 
@@ -198,7 +201,7 @@ def test_a_process_that_was_stopped_is_not_blamed(monkeypatch: pytest.MonkeyPatc
 def test_a_first_draw_may_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """It compiles."""
     renderer = stuck(monkeypatch, "perf_counter", "process_time")
-    renderer._compiled = False
+    renderer._pingpong._compiled = False
     assert renderer.render_batch(1, 0, 1).rejected == 0
 
 
@@ -237,7 +240,9 @@ def test_identity_names_what_a_batch_depends_on() -> None:
     """Scene, strategy, shader and renderer: each changes it; another renderer of the same does not."""
     identity = TracerRenderer(busy(), "cosine").identity
     assert identity == TracerRenderer(busy(), "cosine").identity
-    assert set(identity) == {"renderer", "scene", "strategy", "shader", "gl_renderer", "gl_version", "gl_vendor"}
+    assert set(identity) == {"renderer", "scene", "strategy", "shader", "code", "gl_renderer", "gl_version",
+                             "gl_vendor"}
+    assert identity["code"] == code_digest("harness.gpu.renderer")
     assert identity["shader"] != TracerRenderer(busy(), "uniform").identity["shader"]
     assert identity["scene"] != TracerRenderer(busy(width=41), "cosine").identity["scene"]
 

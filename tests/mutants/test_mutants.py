@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from harness.errors import HarnessError
-from harness.files import data_dir, shaders_from
+from harness.files import data_dir
 from harness.gpu.context import Program
-from harness.mutants.catalogue import Mutant, choose, load_catalogue, mutate, mutated_shaders
+from harness.mutants.catalogue import Mutant, choose, load_catalogue, mutated
 from harness.mutants.matrix import KillMatrix, as_json
 from harness.mutants.runner import MODULE_FOLDERS, Gates, run_mutants
-from harness.shader.source import assemble
+from harness.shader.library import GENERATED, OURS
 
 CATALOGUE = load_catalogue()
 TESTS = Path(__file__).parents[1]
@@ -57,7 +57,7 @@ class TestCatalogue:
     def test_applies_to_the_shader_as_it_is(self, mutant: Mutant) -> None:
         """Its line is there once, and afterwards no other line has changed."""
         original = (data_dir("glsl") / mutant.file).read_text(encoding="utf-8")
-        changed = mutate(mutant, original).splitlines()
+        changed = dict(mutated(mutant).assembled(mutant.file, {GENERATED: ""}).files)[mutant.file].splitlines()
         assert sum(a != b for a, b in zip(original.splitlines(), changed, strict=True)) == 1
 
     def test_names_tests_that_exist(self) -> None:
@@ -101,17 +101,16 @@ def test_a_mutant_that_does_not_apply_is_an_error(tmp_path: Path, old: str, new:
     """The shader has changed, and the catalogue has to follow."""
     mutant, = load_catalogue(write(tmp_path, ENTRY.replace(old, new)))
     with pytest.raises(HarnessError, match=message):
-        mutated_shaders(mutant, tmp_path)
+        mutated(mutant)
 
 
-def test_the_defect_is_in_the_copy_and_nowhere_else(tmp_path: Path) -> None:
-    """A whole folder of shaders that compiles; what comes with the harness stays as it is."""
+def test_the_defect_is_in_its_library_and_nowhere_else(tmp_path: Path) -> None:
+    """A whole library, whose other shaders compile; what comes with the harness stays as it is."""
     mutant, = load_catalogue(write(tmp_path, ENTRY))
-    copy = mutated_shaders(mutant, tmp_path)
-    with shaders_from(copy):
-        assert "return m.ks;" in assemble("lib/phong.glsl", data_dir("glsl")).text
-        Program(assemble("display.frag", data_dir("glsl"))).release()
-    assert "return m.ks;" not in assemble("lib/phong.glsl", data_dir("glsl")).text
+    library = mutated(mutant)
+    assert "return m.ks;" in library.assembled("lib/phong.glsl").text
+    Program(library.assembled("display.frag")).release()
+    assert "return m.ks;" not in OURS.assembled("lib/phong.glsl").text
 
 
 @pytest.fixture(scope="module")

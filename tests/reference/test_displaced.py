@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 from harness.api import render, render_reference
 from harness.errors import StoreError
 from harness.policy import judge
+from harness.reference import displaced
 from harness.reference.displaced import cube_sphere, mesh_file, normal_error, write_ply
 from harness.reference.prepare import instantiate
 from harness.scene import load_scene
@@ -63,7 +66,7 @@ def test_mitsuba_meets_the_surface_and_its_normals(mi: Any, tmp_path: Path, inne
     e = np.random.default_rng(2).normal(size=(2000, 3))
     e /= np.linalg.norm(e, axis=1, keepdims=True)
     o, d = shape.matrix[:3, 3] + 3 * e, -e
-    si = instantiate(scene).ray_intersect(mi.Ray3f(mi.Point3f(o.T), mi.Vector3f(d.T)))
+    si = instantiate(scene.file).ray_intersect(mi.Ray3f(mi.Point3f(o.T), mi.Vector3f(d.T)))
     p, shading, geometric = (np.array(v).T for v in (si.p, si.sh_frame.n, si.n))
     local = np.c_[p, np.ones(len(p))] @ np.linalg.inv(shape.matrix).T[:, :3]
     directions = local / np.linalg.norm(local, axis=1, keepdims=True)
@@ -83,10 +86,31 @@ def test_errors_fall_with_the_square_of_the_edges() -> None:
 def test_a_mesh_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
     path = mesh_file(GENTLE, mirrored=False)
-    before = path.stat().st_mtime_ns
-    assert mesh_file(GENTLE, mirrored=False) == path and path.stat().st_mtime_ns == before
+    before = path.stat().st_ino
+    assert mesh_file(GENTLE, mirrored=False) == path and path.stat().st_ino == before
     assert mesh_file(GENTLE, mirrored=True) != path
     assert [entry.name for entry in path.parent.iterdir() if entry.name.startswith(".")] == []
+
+
+def test_old_meshes_make_room_for_new_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those unused for longest go first, and none that Mitsuba may be about to read."""
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    monkeypatch.setattr(displaced, "LIMIT", 5_000_000)
+    first = mesh_file(GENTLE, mirrored=False)
+    oldest, old, recent = (first.with_name(f"{name}.ply") for name in ("oldest", "old", "recent"))
+    for path, hours in ((oldest, 9), (old, 5), (recent, 0)):
+        path.write_bytes(bytes(1000))
+        used = time.time() - 3600 * hours
+        os.utime(path, (used, used))
+    os.utime(first, (time.time() - 3600 * 7,) * 2)
+    mesh_file(GENTLE, mirrored=False)
+    second = mesh_file(GENTLE, mirrored=True)
+    assert first.stat().st_size == second.stat().st_size > 4_900_000, "two of them are beyond the limit"
+    assert set(first.parent.iterdir()) == {first, second, recent}, "the first was used a moment ago"
+    os.utime(first, (time.time() - 3600 * 7,) * 2)
+    second.unlink()
+    mesh_file(GENTLE, mirrored=True)
+    assert set(first.parent.iterdir()) == {second, recent}
 
 
 def test_a_cache_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

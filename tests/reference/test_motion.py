@@ -66,13 +66,13 @@ def test_moved_shapes_are_those_of_a_scene_in_that_pose(mi: Any, tmp_path: Path,
                                                         bsdf: str) -> None:
     """After several moves: what rays meet, its normals, coordinates and textures, against a file of that moment."""
     body = shape(kind, bsdf, mirrored)
-    renderer = ReferenceRenderer(write(tmp_path / "moving.xml", body, (0, 1)))
+    renderer = ReferenceRenderer(write(tmp_path / "moving.xml", body, (0, 1)).file)
     assert renderer._moving_shapes is not None
     for time in (0.9, 0.3, 0.7):
         renderer._moving_shapes.move(time)
     still = write(tmp_path / "still.xml", body, (0.7, 0.7))
     assert not moving(still)
-    found, expected = seen(mi, renderer._mitsuba_scene), seen(mi, instantiate(still))
+    found, expected = seen(mi, renderer._mitsuba_scene), seen(mi, instantiate(still.file))
     both = np.isfinite(found[:, 0]) & np.isfinite(expected[:, 0])
     assert both.sum() > 150
     assert (np.isfinite(found[:, 0]) == np.isfinite(expected[:, 0])).mean() > 0.998
@@ -85,7 +85,7 @@ def test_moved_shapes_are_those_of_a_scene_in_that_pose(mi: Any, tmp_path: Path,
 
 def test_a_moment_is_rendered_as_a_scene_at_rest(mi: Any, tmp_path: Path) -> None:
     """A shutter of no length needs no moving: its calls are those of any other scene."""
-    renderer = ReferenceRenderer(write(tmp_path / "still.xml", shape("cube", "bitmap-like", False), (0.7, 0.7)))
+    renderer = ReferenceRenderer(write(tmp_path / "still.xml", shape("cube", "bitmap-like", False), (0.7, 0.7)).file)
     assert renderer._moving_shapes is None
     assert renderer._pieces(0, 300) == [(0, 256), (256, 44)]
 
@@ -138,11 +138,11 @@ def test_ranges_are_cut_at_moments(first: int, count: int, largest: int, expecte
 def test_a_range_may_be_cut_at_any_moment(mi: Any) -> None:
     """One batch equals the same range in separate batches, and again from another renderer object."""
     scene = load_scene(data_dir("mitsuba_scenes") / "motion_blur.xml", width=8, height=6)
-    renderer = ReferenceRenderer(scene)
+    renderer = ReferenceRenderer(scene.file)
     whole = renderer.render_batch(1, 0, 24)
     parts = merge(renderer.render_batch(1, start, count) for start, count in ((0, 8), (8, 16)))
     np.testing.assert_allclose(whole.mean, parts.mean, rtol=1e-6)
-    np.testing.assert_array_equal(ReferenceRenderer(scene).render_batch(1, 0, 24).mean, whole.mean)
+    np.testing.assert_array_equal(ReferenceRenderer(scene.file).render_batch(1, 0, 24).mean, whole.mean)
 
 
 def disk_passing(time: float) -> np.ndarray:

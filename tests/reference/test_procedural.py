@@ -140,7 +140,7 @@ def test_sampled_lights_have_the_right_power(mi: Any, tmp_path: Path, kind: str)
     si = dr.zeros(mi.SurfaceInteraction3f)
     si.p = mi.Point3f(at)
     random = np.random.default_rng(0).uniform(size=(2, 1 << 18))
-    made = instantiate(scene)  # must outlive what is computed from it
+    made = instantiate(scene.file)  # must outlive what is computed from it
     _, weight = made.emitters()[0].sample_direction(si, mi.Point2f(random))
     found = np.array(weight)
     error = found.std(axis=1) / np.sqrt(found.shape[1])

@@ -95,7 +95,7 @@ def test_names_start_at_the_outermost_file(mi: Any, write: FileWriter, tmp_path:
     for given in (path, Path("..") / path.name):
         scene = load_scene(given)
         assert peak(scene.shapes[0].material.kd)[2] == 1
-        bsdf = instantiate(scene).shapes()[0].bsdf()
+        bsdf = instantiate(scene.file).shapes()[0].bsdf()
         import drjit as dr
 
         si = dr.zeros(mi.SurfaceInteraction3f, 1)

@@ -12,8 +12,9 @@ import pytest
 
 from harness.gpu.context import Program
 from harness.gpu.probes import evaluate
-from harness.gpu.renderer import TracerRenderer, tracer_source
+from harness.gpu.renderer import TracerRenderer
 from harness.scene import Camera, Material, Scene, Shape, load_scene
+from harness.shader.library import OURS
 from harness.shader.scene.chunk import scene_chunk
 from harness.shader.scene.geometry import geometric_normal
 from harness.shader.scene.materials import glossy_probability
@@ -124,7 +125,7 @@ def test_two_sided_shapes_are_told_apart() -> None:
 def test_every_scene_compiles_for_every_strategy(path: Path) -> None:
     """Suitable or not: an unsuitable strategy is warned of, never a compile error."""
     for strategy in STRATEGIES:
-        source = tracer_source(load_scene(path), strategy)
+        source = OURS.tracer(load_scene(path), strategy)
         assert f"#define STRATEGY STRATEGY_{strategy.upper()}" in source.text
         Program(source).release()
 

@@ -49,10 +49,15 @@ def root(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def texts(root: Path) -> dict[str, str]:
+    """Every shader of a folder by its name."""
+    return {path.relative_to(root).as_posix(): path.read_text() for path in root.rglob("*.glsl")}
+
+
 def test_the_functions_give_way_and_nothing_else_moves(root: Path) -> None:
     """a and b are replaced by the chunk where b stood; c keeps its line; the other file is not touched."""
     (root / "own" / "x.glsl").write_text("float b(float x, float y)\n{\n    return 7.0;\n}\n" + constant("a", 8.0))
-    changed = override(root, "own/x.glsl")
+    changed = override(texts(root), "own/x.glsl")
     assert list(changed) == ["lib/one.glsl"]
     ours, theirs = LIBRARY.splitlines(), changed["lib/one.glsl"].splitlines()
     assert len(theirs) == len(ours)
@@ -67,7 +72,7 @@ def test_chunks_add_up(root: Path) -> None:
     (root / "own" / "a.glsl").write_text(constant("a", 8.0))
     (root / "own" / "c.glsl").write_text(constant("helper", 9.0) + "float c()\n{\n    return helper();\n}\n")
     (root / "own" / "d.glsl").write_text(constant("d", 5.0))
-    text = assemble("main.frag", root, override(root, "own/a.glsl", "own/c.glsl", "own/d.glsl")).text
+    text = assemble("main.frag", root, override(texts(root), "own/a.glsl", "own/c.glsl", "own/d.glsl")).text
     assert [number in text for number in ("8.0", "9.0", "5.0", "0.5", "4.0")] == [True] * 3 + [False] * 2
 
 
@@ -81,7 +86,7 @@ def test_a_chunk_that_fits_nowhere_is_refused(root: Path, text: str | None, told
     if text:
         (root / "own" / "x.glsl").write_text(text)
     with pytest.raises(ShaderError, match=told):
-        override(root, "own/x.glsl")
+        override(texts(root), "own/x.glsl")
 
 
 @pytest.mark.parametrize("path", sorted((data_dir("glsl") / "lib").glob("*.glsl")), ids=lambda path: path.stem)

@@ -17,7 +17,7 @@ from harness.reference import ReferenceRenderer
 from harness.results import StrategyResult
 from harness.samples.estimate import Batch, Estimate
 from harness.samples.store import Store, schedule
-from harness.scene import Scene
+from harness.scene import Film, Scene
 from harness.scene.model import Displacement, Procedural
 from harness.shader.strategies import Strategy
 from harness.stats.verdicts import Tolerance
@@ -26,19 +26,7 @@ from harness.studies.study import _Reference, _Replicas
 from harness.work.batches import render_estimate
 from harness.work.run import tiles_of
 from tests.support.fakes import NoiseRenderer
-
-
-class Noise(NoiseRenderer):
-    """A renderer of noise with what a study asks of the tracer besides."""
-
-    strategy = Strategy("mixture", suits=True)
-
-    def __init__(self) -> None:
-        super().__init__(size=(36, 48))
-
-    def release(self) -> None:
-        """Nothing is held."""
-
+from tests.support.gates import Opens
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
 
@@ -87,7 +75,7 @@ def test_a_study_read_back_from_its_batches_is_the_same(scene: Scene, tmp_path: 
     assert first.cpu_seconds_per_spp == again.cpu_seconds_per_spp
 
 
-def test_no_run_is_ever_held_whole(scene: Scene) -> None:
+def test_no_run_is_ever_held_whole() -> None:
     """A long run has thousands of batches, each as large as the image."""
     held: weakref.WeakSet[Batch] = weakref.WeakSet()
     most = 0
@@ -101,8 +89,8 @@ def test_no_run_is_ever_held_whole(scene: Scene) -> None:
             return batch
 
     estimate = Estimate.exact(np.full((12, 16, 3), 0.5))
-    run = _Replicas(scene, Watched(size=(12, 16)), _Reference(estimate, tiles_of(estimate, 2)),  # type: ignore[arg-type]
-                    4096)
+    run = _Replicas(Strategy("mixture", suits=True), Film(16, 12), Watched(size=(12, 16)),
+                    _Reference(estimate, tiles_of(estimate, 2)), 4096)
     run.add_replica(None, lambda n: None)
     assert run.total.samples == 4096
     assert most <= 10, f"{most} of {len(schedule(4096))} batches at once"
@@ -174,7 +162,7 @@ class TestWhatAReportShows:
         named = load_scene(path, width=8, height=6)
         assert exhibited_strategies(named) == ("mixture", "cosine")
         assert named.content_hash == load_scene(SPHERES, width=8, height=6).content_hash
-        assert render_estimate(ReferenceRenderer(named), 2).mean.shape == (6, 8, 3)
+        assert render_estimate(ReferenceRenderer(named.file), 2).mean.shape == (6, 8, 3)
 
     def test_an_unknown_one_is_refused(self, scene: Scene) -> None:
         with pytest.raises(HarnessError, match=r"spheres\.xml: integrator property 'strategies': unknown strategy"):
@@ -195,33 +183,31 @@ class TestTiles:
     truth = np.full((36, 48, 3), 0.5)
 
     @pytest.fixture
-    def noise(self, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> Noise:
+    def noise(self) -> NoiseRenderer:
         """Normal noise in place of the tracer."""
-        made = Noise()
-        monkeypatch.setattr("harness.studies.study.TracerRenderer", lambda scene, name: made)
-        return made
+        return NoiseRenderer(size=(36, 48))
 
-    def study(self, scene: Scene, **options: object) -> StrategyResult:
+    def study(self, scene: Scene, noise: NoiseRenderer, **options: object) -> StrategyResult:
         reference = Estimate.exact(self.truth)
-        return study(scene, ["mixture"], spp=256, replicas=8, reference=reference, **options).strategies[0]  # type: ignore[arg-type]
+        return study(scene, [Opens(noise)], spp=256, replicas=8, reference=reference, **options).strategies[0]  # type: ignore[arg-type]
 
-    def test_a_defect_that_the_mean_does_not_know_of_fails(self, scene: Scene, noise: Noise) -> None:
+    def test_a_defect_that_the_mean_does_not_know_of_fails(self, scene: Scene, noise: NoiseRenderer) -> None:
         noise.mean = self.truth.copy()
         noise.mean[8:16, 16:24] *= 1.1
         noise.mean[24:32, 16:24] *= 0.9
-        found = self.study(scene)
+        found = self.study(scene, noise)
         assert (found.verdict.outcome, found.outcome) == ("pass", "fail")
         assert found.tiles.coarse.outcome == "fail"
         assert (found.tiles.coarse.x, found.tiles.coarse.y) in ((16, 8), (16, 24))
 
-    def test_noise_in_tiles_leaves_the_outcome_to_the_mean(self, scene: Scene, noise: Noise) -> None:
+    def test_noise_in_tiles_leaves_the_outcome_to_the_mean(self, scene: Scene, noise: NoiseRenderer) -> None:
         noise.sigma = np.full((36, 48, 1), 0.1)
         noise.sigma[:2, :2] = 5.0
-        found = self.study(scene)
+        found = self.study(scene, noise)
         assert (found.verdict.outcome, found.tiles.fine.outcome, found.outcome) == ("pass", "inconclusive", "pass")
 
-    def test_a_larger_family_leaves_each_a_smaller_level(self, scene: Scene, noise: Noise) -> None:
-        alone, shared = self.study(scene), self.study(scene, family=100)
+    def test_a_larger_family_leaves_each_a_smaller_level(self, scene: Scene, noise: NoiseRenderer) -> None:
+        alone, shared = self.study(scene, noise), self.study(scene, noise, family=100)
         assert alone.tiles.fine.fail_level == pytest.approx(0.01 / 3, rel=0.01)
         assert shared.tiles.fine.fail_level == pytest.approx(0.01 / 300, rel=0.01)
         assert (shared.verdict.smallest_detectable > 1.3 * alone.verdict.smallest_detectable).all()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from harness.estimators.base import Renderer
+from harness.estimators.base import Estimator, Renderer
 from harness.gates import Gate, load_gates
-from harness.scene import Scene
+from harness.scene import SceneFile
 from tests.support.fakes import NoiseRenderer
 
 # Nothing but sky: every renderer is exact with one sample.
@@ -45,13 +48,41 @@ def one_gate(folder: Path, gates: str = GATES) -> Gate:
     return gate
 
 
+@dataclass(frozen=True)
 class Noise:
-    """Makes renderers of the gate's size: the relative `bias` of 0.5, the standard deviation `sigma` of a sample."""
+    """An estimator that draws normal noise of the scene's size: the relative `bias` of 0.5, the standard deviation
+    `sigma` of a sample. `made`: the renderers that were opened."""
 
-    def __init__(self, bias: float = 0.0, sigma: float = 0.01) -> None:
-        self.bias, self.sigma = bias, sigma
-        self.made: list[NoiseRenderer] = []
+    bias: float = 0.0
+    sigma: float = 0.01
+    name: str = "cosine"
+    made: list[NoiseRenderer] = field(default_factory=list, compare=False)
 
-    def __call__(self, gate: Gate, scene: Scene) -> Renderer:
-        self.made.append(NoiseRenderer(0.5 * (1 + self.bias), self.sigma, (scene.height, scene.width)))
-        return self.made[-1]
+    def check(self, scene: SceneFile) -> str:
+        return ""
+
+    @contextmanager
+    def open(self, scene: SceneFile) -> Iterator[NoiseRenderer]:
+        film = scene.film
+        self.made.append(NoiseRenderer(0.5 * (1 + self.bias), self.sigma, (film.height, film.width)))
+        yield self.made[-1]
+
+
+@dataclass(frozen=True)
+class Opens:
+    """An estimator that opens a ready renderer."""
+
+    renderer: Renderer
+    name: str = "ready"
+
+    def check(self, scene: SceneFile) -> str:
+        return ""
+
+    @contextmanager
+    def open(self, scene: SceneFile) -> Iterator[Renderer]:
+        yield self.renderer
+
+
+def judging(gate: Gate, test: Estimator | Renderer) -> Gate:
+    """The gate with something else under test: an estimator, or a ready renderer."""
+    return replace(gate, test=test if hasattr(test, "open") else Opens(test))  # type: ignore[arg-type]

@@ -10,12 +10,21 @@ import pytest
 
 from harness.machine.mitsuba_runtime import use_reference_variant
 from harness.scene import Scene, load_scene
+from harness.shader.library import Library
+from tests.support.tracer import put_to_test
 
 SENSOR = """<sensor type="perspective"><float name="fov" value="40"/><film type="hdrfilm">
     <integer name="width" value="8"/><integer name="height" value="8"/><rfilter type="box"/></film></sensor>"""
 INTEGRATOR = """<integrator type="path"><integer name="max_depth" value="4"/></integrator>"""
 
 SceneWriter = Callable[..., Scene]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def library_under_test(shader_library: Library) -> Library:
+    """Tells tests/support/tracer.py what is tested."""
+    put_to_test(shader_library)
+    return shader_library
 
 
 @pytest.fixture(scope="session")

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from harness.errors import HarnessError
-from harness.files import data_dir
 from harness.policy import FALSE_ALARMS, fail_level, judge, tolerances
 from harness.samples.estimate import Estimate
-from harness.samples.store import Store
-from harness.scene import load_scene
+from harness.samples.store import LEAD_IN, Store
 from harness.stats.verdicts import Tolerance
 from harness.work.batches import batches, equal_batches, render_estimate
 from harness.work.run import reference_run, tiles_of
@@ -35,7 +33,8 @@ def test_a_longer_run_renders_only_what_the_shorter_one_left(tmp_path: Path) -> 
     first, second = NoiseRenderer(), NoiseRenderer()
     short = render_estimate(first, 256, store=store)
     long = render_estimate(second, 512, store=store)
-    assert [start for _, start, _ in second.calls] == [256, 384]
+    assert [start for _, start, _ in second.calls if start >= LEAD_IN] == [256, 384]
+    assert sum(count for _, start, count in second.calls if start < LEAD_IN) == LEAD_IN, "drawn again, not kept"
     assert long.samples == 512
     assert short.samples == 256
 
@@ -45,10 +44,27 @@ def test_a_run_from_the_store_equals_the_run_that_filled_it(tmp_path: Path) -> N
     cold = render_estimate(NoiseRenderer(), 300, store=store)
     again = NoiseRenderer()
     warm = render_estimate(again, 300, store=store)
-    assert not again.calls
+    assert {start + count <= LEAD_IN for _, start, count in again.calls} == {True}
     np.testing.assert_array_equal(warm.mean, cold.mean)
     np.testing.assert_array_equal(warm.variance, cold.variance)
     assert warm.cpu_seconds == pytest.approx(cold.cpu_seconds)
+
+
+def test_a_short_run_keeps_all_and_a_long_one_reads_it(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    cold = render_estimate(NoiseRenderer(), 64, store=store)
+    again, longer = NoiseRenderer(), NoiseRenderer()
+    warm = render_estimate(again, 64, store=store)
+    assert not again.calls
+    np.testing.assert_array_equal(warm.mean, cold.mean)
+    render_estimate(longer, 256, store=store)
+    assert [start for _, start, _ in longer.calls] == [64, 128]
+
+
+def test_a_long_run_keeps_three_images_in_nine_and_draws_an_eighth_again(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    render_estimate(NoiseRenderer(), 256, store=store)
+    assert sorted(path.stem for path in tmp_path.rglob("*.exr")) == ["0-128-128", "0-32-32", "0-64-64"]
 
 
 def test_an_interrupted_run_continues_where_it_was(tmp_path: Path) -> None:
@@ -129,8 +145,7 @@ def test_tiles_are_tolerated_in_proportion_to_the_mean() -> None:
     (1, 1), (31, 1), (32, 1), (1000, 16), (1024, 32), (4096, 128), (2**20, 128)])
 def test_a_reference_is_drawn_in_enough_batches(spp: int, length: int) -> None:
     """Lengths that others share, none longer than single precision can sum."""
-    scene = load_scene(data_dir("mitsuba_scenes") / "furnace_convex.xml", width=8, height=8)
-    assert reference_run(scene, spp).spp == length
+    assert reference_run(NoiseRenderer(), spp).spp == length
 
 
 def test_tiles_of_an_unknown_variance_know_none() -> None:

@@ -9,17 +9,15 @@ import numpy as np
 
 from harness.scene.displaced import Bounds, bounds
 from harness.scene.model import Displacement, Procedural, Shape
-from harness.scene.noise import OCTAVE, UINT32, UNIT
-from harness.scene.procedural import RISE, WOOD_GRAIN
+from harness.scene.procedural import KINDS
 from harness.shader.scene.literals import chosen, function, is_any, number, vector
 from harness.shader.scene.motion import Motions
+from harness.shader.scene.procedural import evaluation, ramp
 
 # Steps that a ray may take, at most: of 10^6 rays past a sphere none took more than 56 where `bend` is 93, 96 where it
 # is 455, 120 where it is 1800; up to 240 past the axis of wood's rings. A ray that is not through by then counts as met
 # where it is, which is close to the surface.
 LEAST_STEPS, STEPS_PER_ROOT_BEND = 32, 4.0
-# The way to an axis, or a corner of the ramp, where there is none: no limit to any step.
-FAR = 1e30
 
 
 def displaced(shapes: Sequence[Shape]) -> list[tuple[int, Shape]]:
@@ -109,17 +107,13 @@ def _relief_function(spheres: Sequence[tuple[int, Shape]]) -> list[str]:
     textures = {index: _texture(shape) for index, shape in spheres}
     to_texture = {index: _to_texture(shape) for index, shape in spheres}
     body, back = _coordinates(to_texture)
-    body += _noise(textures)
-    waves = {index: texture for index, texture in textures.items() if texture.kind != "fractal"}
-    body += ["vec3 gradient = noise.xyz;", "float t = noise.w;"]
-    if waves:
-        body += _wave(waves, everywhere=len(waves) == len(textures))
+    body += [*evaluation(textures, gradient=True), "vec3 gradient = value.xyz;", "float t = value.w;"]
     body += _ramp({index: (texture, _displacement(shape).amplitude)
                    for (index, shape), texture in zip(spheres, textures.values(), strict=True)})
-    woods = [index for index, texture in textures.items() if texture.kind == "wood"]
-    per_scale = {index: number(1 / float(np.linalg.norm(to_texture[index][:, :3], ord=2))) for index in woods}
-    body.append(f"float axis = {number(FAR)};")
-    body += [f"if ({is_any([index])}) axis = length(q.xy) * {value};" for index, value in per_scale.items()]
+    per_scale = {index: number(1 / float(np.linalg.norm(to_texture[index][:, :3], ord=2)))
+                 for index, texture in textures.items() if KINDS[texture.kind].rings}
+    body.append("float axis = FAR;")
+    body += [f"if ({is_any([index])}) axis = wood_radius(q) * {value};" for index, value in per_scale.items()]
     return function("Relief relief(int id, vec3 direction)",
                     [*body, f"return Relief(r, slope, least, greatest, room, {back}, axis);"])
 
@@ -135,64 +129,18 @@ def _coordinates(to_texture: dict[int, np.ndarray]) -> tuple[list[str], str]:
     return [*lines, "vec3 q = axes * direction + offset;"], "gradient * axes"
 
 
-def _noise(textures: dict[int, Procedural]) -> list[str]:
-    """Statements that declare `noise`: fbm at q, xyz its gradient along the cells' axes and w its value."""
-    lines = chosen("vec3", "cell", {index: f"q * {vector(WOOD_GRAIN)}" if texture.kind == "wood" else "q"
-                                    for index, texture in textures.items()})
-    lines += chosen("uint", "seed", {index: f"{texture.seed}u" for index, texture in textures.items()})
-    lines += chosen("float", "lacunarity", {index: number(texture.lacunarity) for index, texture in textures.items()})
-    lines.append("vec4 noise = vec4(0.0);")
-    for octave in range(max(texture.octaves for texture in textures.values())):
-        weights = {index: _weights(texture, octave) for index, texture in textures.items()}
-        lines += chosen("vec4", f"weight_{octave}", weights)
-        if octave:
-            lines.append("cell *= lacunarity;")
-        lines.append(f"noise += weight_{octave} * cell_noise_gradient(cell, seed + {octave * OCTAVE & UINT32}u);")
-    return lines
-
-
-def _weights(texture: Procedural, octave: int) -> str:
-    """What an octave's gradient and value, in steps of 2^-24, count for; nothing beyond the texture's own octaves."""
-    if octave >= texture.octaves:
-        return "vec4(0.0)"
-    weight = UNIT * texture.gain**octave / sum(texture.gain**i for i in range(texture.octaves))
-    return vector((*[weight * texture.lacunarity**octave] * 3, weight))
-
-
-def _wave(waves: dict[int, Procedural], *, everywhere: bool) -> list[str]:
-    """Statements that make `t` and `gradient` those of marble and wood, where the sphere has one of them."""
-    marble = {index: texture.kind == "marble" for index, texture in waves.items()}
-    lines = chosen("vec3", "grain", {index: "vec3(1.0)" if is_marble else vector(WOOD_GRAIN)
-                                     for index, is_marble in marble.items()})
-    lines += chosen("float", "along", {index: "q.x" if is_marble else "length(q.xy)"
-                                       for index, is_marble in marble.items()})
-    lines += chosen("vec3", "ahead", {index: "vec3(1.0, 0.0, 0.0)" if is_marble else
-                                      f"vec3(q.xy / max(length(q.xy), {number(1 / FAR)}), 0.0)"
-                                      for index, is_marble in marble.items()})
-    lines += chosen("float", "distortion", {index: number(texture.distortion) for index, texture in waves.items()})
-    lines += chosen("float", "rise", {index: number(RISE[texture.kind]) for index, texture in waves.items()})
-    where = "" if everywhere else f"if ({is_any(list(waves))}) "
-    return [*lines, "vec2 crest = wave(along + distortion * noise.w, rise);",
-            f"{where}gradient = crest.y * (ahead + distortion * grain * noise.xyz);", f"{where}t = crest.x;"]
-
-
 def _ramp(textures: dict[int, tuple[Procedural, float]]) -> list[str]:
     """Statements that declare `r`, the ramp's `slope` at t, its `least` and `greatest`, and `room` up to a corner."""
     radii, slopes, least, greatest, room = {}, {}, {}, {}, {}
     for index, (texture, amplitude) in textures.items():
         stops = amplitude * np.array([color[0] for color in texture.colors])
         last = len(stops) - 1
-        steps = np.diff(stops)
-        if last == 1:
-            radii[index] = f"{number(1 + stops[0])} + {number(steps[0])} * t"
-        else:
-            radii[index] = " + ".join([number(1 + stops[0]), *(
-                f"ramp_step(t, {number(last)}, {number(step)}) * {number(steps[step])}" for step in range(last))])
-        slopes[index] = " : ".join([*(f"t < {number((step + 1) / last)} ? {number(steps[step] * last)}"
-                                      for step in range(last - 1)), number(steps[-1] * last)])
-        corner = f"clamp(round(t * {number(last)}), 1.0, {number(last - 1)}) / {number(last)}"
-        room[index] = number(FAR) if last == 1 else f"abs(t - {corner})"
-        least[index], greatest[index] = number(steps.min() * last), number(steps.max() * last)
+        steps = np.diff(stops) * last
+        radii[index] = ramp("t", 1 + stops, number)
+        slopes[index] = " : ".join([*(f"t < {number((step + 1) / last)} ? {number(steps[step])}"
+                                      for step in range(last - 1)), number(steps[-1])])
+        room[index] = "FAR" if last == 1 else f"ramp_room(t, {number(last)})"
+        least[index], greatest[index] = number(steps.min()), number(steps.max())
     return [*chosen("float", "r", radii), *chosen("float", "slope", slopes), *chosen("float", "least", least),
             *chosen("float", "greatest", greatest), *chosen("float", "room", room)]
 

@@ -1,4 +1,7 @@
-"""GLSL for the textures `fractal`, `marble` and `wood` of a scene, which share as much work as they can.
+"""GLSL for the procedural textures of a scene, which share as much work as they can.
+
+Their formulas stand in glsl/lib/procedural.glsl, a function for each kind in `KINDS`; what is written here chooses by
+the shape's id between them and between their parameters, and writes out the octaves of their noise.
 
 What a texture costs is its noise: some 130 instructions an octave, which every lane executes at every vertex of its
 path, whatever shape it hit. So textures that no shape has together are evaluated as one, whose parameters are selected
@@ -9,13 +12,14 @@ textures: 1.7 times the cost of the scene in plain colours, and 3.4 times with e
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from harness.scene.model import Procedural, Shape, Texture
-from harness.scene.noise import OCTAVE, UINT32, octave_weights
-from harness.scene.procedural import RISE, WOOD_GRAIN
+from harness.scene.noise import octave_weights
+from harness.scene.procedural import KINDS
 from harness.shader.scene.literals import chosen, function, grouped, is_any, number, vector
 from harness.shader.scene.targets import Target
 
@@ -65,7 +69,9 @@ def assignments(targets: Sequence[Target], shapes: Sequence[Shape]) -> list[str]
         for index, texture in target.uses.items():
             assert isinstance(texture, Procedural)
             lane = next(lane for lane, textures in enumerate(needed) if textures.get(index) == _uncolored(texture))
-            values[index] = _ramp(f"ramp_{lane}", texture, target.swizzle)
+            colors = np.array(texture.colors)
+            values[index] = (ramp(f"ramp_{lane}", colors, vector) if target.swizzle == "rgb" else
+                             ramp(f"ramp_{lane}", colors[:, 0], number))
         lines += [f"if ({is_any(ids)}) {target.variable} = {value};" for value, ids in grouped(values)]
     return lines
 
@@ -86,56 +92,58 @@ def _evaluation(textures: Lane, shapes: Sequence[Shape]) -> list[str]:
     lines: list[str] = []
     for axis, name in enumerate("xyz"):
         lines += chosen("vec4", f"row_{name}", {index: vector(matrix[axis]) for index, matrix in rows.items()})
-    # In the order of scene.procedural.transformed, so that both renderers round alike: dot() may add up in another.
-    coordinates = ", ".join(" + ".join(f"row_{name}.{axis} * p.{axis}" for axis in "xyz") + f" + row_{name}.w"
-                            for name in "xyz")
-    lines.append(f"vec3 q = vec3({coordinates});")
-    lines += _noise(textures)
-    waves = {index: texture for index, texture in textures.items() if texture.kind != "fractal"}
-    if not waves:
-        return [*lines, "return noise;"]
-    lines += chosen("float", "along", {index: "q.x" if texture.kind == "marble" else "length(q.xy)"
-                                       for index, texture in waves.items()})
-    lines += chosen("float", "distortion", {index: number(texture.distortion) for index, texture in waves.items()})
-    lines += chosen("float", "rise", {index: number(RISE[texture.kind]) for index, texture in waves.items()})
-    lines.append("float t = wave(along + distortion * noise, rise).x;")
-    if fractals := [index for index in textures if index not in waves]:
-        lines.append(f"if ({is_any(fractals)}) t = noise;")
-    return [*lines, "return t;"]
+    return [*lines, "vec3 q = to_cells(row_x, row_y, row_z, p);", *evaluation(textures, gradient=False),
+            "return value.w;"]
 
 
-def _noise(textures: Lane) -> list[str]:
-    """Statements that declare `noise`: the fbm of the texture of shape `id` at q, octave by octave.
+def evaluation(textures: Mapping[int, Procedural], *, gradient: bool) -> list[str]:
+    """Statements that declare `value`: what lib/procedural.glsl has for the texture of shape `id` at q.
 
-    Written out, since a loop of more than about 5 octaves is not unrolled, and its iterations would count among those
-    of the whole shader, of which llvmpipe allows 65,535.
+    Its w is t, its xyz the gradient of t along q, or nothing of use where no `gradient` is asked for. The noise is
+    written out octave by octave, since a loop of more than about 5 is not unrolled, and its iterations would count
+    among those of the whole shader, of which llvmpipe allows 65,535.
     """
     # `precise`, so that compilers do not merge the factors of successive octaves: a steep texture would show the other
-    # rounding of the place in a cell.
-    lines = chosen("precise vec3", "cell", {index: f"q * {vector(WOOD_GRAIN)}" if texture.kind == "wood" else "q"
-                                            for index, texture in textures.items()})
+    # rounding of the place in a cell. Displaced surfaces are smooth, and met to MARCH_TOLERANCE only.
+    lines = chosen("vec3" if gradient else "precise vec3", "cell", {
+        index: _cell(texture.kind) for index, texture in textures.items()})
     lines += chosen("uint", "seed", {index: f"{texture.seed}u" for index, texture in textures.items()})
     lines += chosen("float", "lacunarity", {index: number(texture.lacunarity) for index, texture in textures.items()})
-    most = max(texture.octaves for texture in textures.values())
-    weights = {index: octave_weights(texture.octaves, texture.gain) + [0.0] * (most - texture.octaves)
-               for index, texture in textures.items()}
-    for octave in range(most):
-        lines += chosen("float", f"weight_{octave}", {index: number(own[octave]) for index, own in weights.items()})
-        if octave == 0:
-            lines.append("float noise = weight_0 * value_noise(cell, seed);")
+    lines.append("vec4 noise = vec4(0.0);")
+    for octave in range(max(texture.octaves for texture in textures.values())):
+        if octave:
+            lines.append("cell *= lacunarity;")
+        weights = {index: _weight(texture, octave) for index, texture in textures.items()}
+        seed = f"seed + {octave}u * NOISE_OCTAVE" if octave else "seed"
+        if gradient:
+            lines += chosen("vec4", f"weight_{octave}", {
+                index: f"NOISE_UNIT * {vector((*[weight * textures[index].lacunarity**octave] * 3, weight))}"
+                for index, weight in weights.items()})
+            lines.append(f"noise += weight_{octave} * cell_noise_gradient(cell, {seed});")
         else:
-            lines += ["cell *= lacunarity;",
-                      f"noise += weight_{octave} * value_noise(cell, seed + {octave * OCTAVE & UINT32}u);"]
-    return lines
+            lines += chosen("float", f"weight_{octave}", {index: number(weight) for index, weight in weights.items()})
+            lines.append(f"noise.w += weight_{octave} * value_noise(cell, {seed});")
+    # One for all, since a texture without waves has no use for it.
+    distortions = {index: number(texture.distortion) for index, texture in textures.items()
+                   if KINDS[texture.kind].distortion is not None}
+    lines += chosen("float", "distortion", distortions or {0: "0.0"})
+    return lines + chosen("vec4", "value", {index: f"{texture.kind}(q, noise, distortion)"
+                                            for index, texture in textures.items()})
 
 
-def _ramp(place: str, texture: Procedural, swizzle: str) -> str:
-    """The colour at a place on the texture's ramp, piecewise linear."""
-    def colour(values: np.ndarray) -> str:
-        return vector(values) if swizzle == "rgb" else number(float(values[0]))
-
-    stops = np.array(texture.colors)
+def ramp(place: str, stops: np.ndarray, literal: Callable[[Any], str]) -> str:
+    """The value at a place on a ramp through `stops`, (N,) or (N, 3), piecewise linear; `literal` writes one."""
     last = number(len(stops) - 1)
-    steps = (f"ramp_step({place}, {last}, {number(index)}) * {colour(stops[index + 1] - stops[index])}"
+    steps = (f"ramp_step({place}, {last}, {number(index)}) * {literal(stops[index + 1] - stops[index])}"
              for index in range(len(stops) - 1))
-    return " + ".join([colour(stops[0]), *steps])
+    return " + ".join([literal(stops[0]), *steps])
+
+
+def _cell(kind: str) -> str:
+    """Where a texture's noise is evaluated, as an expression of q."""
+    return "q" if set(KINDS[kind].grain) == {1.0} else f"q * {kind.upper()}_GRAIN"
+
+
+def _weight(texture: Procedural, octave: int) -> float:
+    """What an octave counts for in a texture's noise; nothing beyond the texture's own octaves."""
+    return octave_weights(texture.octaves, texture.gain)[octave] if octave < texture.octaves else 0.0

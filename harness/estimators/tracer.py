@@ -1,0 +1,76 @@
+"""Our tracer as an estimator: a strategy, and our GLSL or a library made from it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.gpu.renderer import TracerRenderer
+from harness.scene import Scene, SceneFile, load
+from harness.shader.library import OURS, Library
+from harness.shader.own_files import own_library
+from harness.shader.source import ShaderSource
+from harness.shader.strategies import check_strategy
+
+# Features of a scene that a tracer can leave out, by name: what they cost is measured against it.
+FEATURES: dict[str, Callable[[Scene], Scene]] = {
+    "lens": lambda scene: dataclasses.replace(
+        scene, camera=dataclasses.replace(scene.camera, aperture_radius=0.0)),
+    "motion": lambda scene: dataclasses.replace(
+        scene, shapes=tuple(dataclasses.replace(shape, motion=None) for shape in scene.shapes)),
+}
+
+
+@dataclass(frozen=True)
+class Tracer:
+    """The path tracer with one strategy.
+
+    `library`: its GLSL; `shader`, `folder`: somebody's own path_tracer.frag, and a folder of files that stand in for
+    the library's of the same name, read when the tracer is opened; `without`: `FEATURES` that are left out.
+    """
+
+    strategy: str = "mixture"
+    library: Library = OURS
+    shader: Path | None = None
+    folder: Path | None = None
+    without: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The strategy's."""
+        return self.strategy
+
+    def check(self, scene: SceneFile) -> str:
+        """What light of the scene the strategy never finds; empty where it finds all."""
+        return check_strategy(load(scene), self.strategy).warning
+
+    def whole_library(self) -> Library:
+        """The library with one's own files in it. HarnessError for files that cannot stand in for anything."""
+        if self.shader is None and self.folder is None:
+            return self.library
+        return own_library(self.shader, self.folder, self.library)
+
+    def source(self, scene: SceneFile) -> ShaderSource:
+        """The shader that `open` compiles."""
+        return self.whole_library().tracer(self._reading(scene), self.strategy)
+
+    def _reading(self, scene: SceneFile) -> Scene:
+        reading = load(scene)
+        for feature in self.without:
+            reading = FEATURES[feature](reading)
+        check_strategy(reading, self.strategy)
+        return reading
+
+    @contextmanager
+    def open(self, scene: SceneFile) -> Iterator[TracerRenderer]:
+        """HarnessError for an unknown strategy, SceneError for a scene outside our subset, ShaderError for a shader
+        that does not compile."""
+        reading = self._reading(scene)
+        renderer = TracerRenderer(reading, self.strategy, self.whole_library().tracer(reading, self.strategy))
+        try:
+            yield renderer
+        finally:
+            renderer.release()

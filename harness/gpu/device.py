@@ -1,0 +1,44 @@
+"""What a device asks of those who draw on it, read once from its GL context."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+# What Mesa's software rasterisers call themselves; they draw on the CPU, in the process's own threads.
+SOFTWARE = ("llvmpipe", "softpipe", "swr")
+
+
+@dataclass(frozen=True)
+class Device:
+    """A GL device and its ways.
+
+    `clock`: the one that counts for it, the process's CPU time or the time of its timer queries.
+    `max_iterations`: how many iterations of all its loops an invocation may make, where the driver has a limit that it
+    keeps in silence. `least_rows`: bands of an image any lower would starve it. `compiles_twice`: whether it compiles a
+    fragment shader once for tiles that a triangle covers whole and once for its edges, unless blending is on.
+    """
+
+    name: str
+    version: str
+    vendor: str
+    clock: Literal["cpu", "gpu"]
+    max_iterations: int
+    least_rows: int
+    compiles_twice: bool
+
+    @classmethod
+    def of(cls, info: Mapping[str, str]) -> Device:
+        """From the strings of a GL context, as moderngl's `info` has them."""
+        name = info["GL_RENDERER"]
+        software = name.startswith(SOFTWARE)
+        # Past about 65,535 iterations of all loops of one invocation llvmpipe leaves the loop without an error and the
+        # result is wrong; half of that leaves room for every loop the driver may add. A hardware driver has no such
+        # limit, but time, which bands and passes keep: the same bound is no hardship there.
+        return cls(name, info["GL_VERSION"], info["GL_VENDOR"], "cpu" if software else "gpu",
+                   max_iterations=32_768, least_rows=64, compiles_twice=name.startswith("llvmpipe"))
+
+    def describe(self) -> dict[str, str]:
+        """Renderer, version and vendor strings, for keys and provenance."""
+        return {"gl_renderer": self.name, "gl_version": self.version, "gl_vendor": self.vendor}

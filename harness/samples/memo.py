@@ -1,0 +1,52 @@
+"""Results in the cache: read back where there are any, else made and kept."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import TypeVar
+
+from harness.errors import StoreError
+from harness.files import cache_dir, write_atomically
+from harness.samples.keys import digest
+
+Result = TypeVar("Result")
+Warn = Callable[[str], None]
+# Bytes of the SHA-256 that stands before what `remembered_bytes` keeps.
+SEAL = 32
+
+
+def remembered(folder: Path, last: str, *, load: Callable[[Path], Result], make: Callable[[], Result],
+               save: Callable[[Result, Path], None], warn: Warn, loss: str) -> tuple[Result, bool]:
+    """The result that `folder` holds, or a new one, then kept there; and whether it was made now.
+
+    `last`: the file that `save` writes last. One that `load` refuses with a StoreError is made again, of which `warn`
+    is told in one line that ends in `loss`.
+    """
+    if (folder / last).exists():
+        try:
+            return load(folder), False
+        except StoreError as error:
+            warn(f"{error.args[0].partition(';')[0]}; {loss}")
+    result = make()
+    save(result, folder)
+    return result, True
+
+
+def remembered_bytes(kind: str, key: object, make: Callable[[], bytes]) -> bytes:
+    """A file of some kilobytes, such as a figure: read back from the cache, else made and kept there.
+
+    `kind` names its folder; `key`, a plain value (see `digest`), is all that the file depends on, the code too. One
+    that is damaged is made again, and a cache that cannot be written costs only time.
+    """
+    path = cache_dir() / kind / digest(key, 24)
+    with suppress(OSError):
+        held = path.read_bytes()
+        if hashlib.sha256(held[SEAL:]).digest() == held[:SEAL]:
+            return held[SEAL:]
+    content = make()
+    with suppress(StoreError), write_atomically(path) as partial:
+        partial.write_bytes(hashlib.sha256(content).digest() + content)
+    return content
