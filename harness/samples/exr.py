@@ -11,6 +11,7 @@ import tempfile
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext, redirect_stdout
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ Value = str | int | float
 REC709 = (0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290)
 
 _ESTIMATE, _BATCH, _SEAL = "harness.samples.estimate", "harness.batch", "harness.sha256"
+MAGIC = b"\x76\x2f\x31\x01"  # what every file of the format begins with
 _BLANK = b"0" * 64  # what the seal holds while the file is hashed
 _SEAL_HEAD = _SEAL.encode() + b"\0string\0" + len(_BLANK).to_bytes(4, "little")
 _COLOURS = ("R", "G", "B")
@@ -63,8 +65,35 @@ def read_estimate(path: str | Path) -> tuple[Estimate, dict[str, Value]]:
     In a file that this harness did not write, the variance is NaN (unknown) and the samples are its `spp` attribute
     or 0. StoreError when the file is missing, not EXR, damaged, or lacks a colour channel.
     """
+    found = read_exr(path)
+    return found.estimate, found.metadata
+
+
+@dataclass(frozen=True, eq=False)
+class ReadExr:
+    """What `read_estimate` gives, and what a reader should know besides: alpha below 1, further parts."""
+
+    estimate: Estimate
+    metadata: dict[str, Value]
+    notes: tuple[str, ...]
+
+
+def read_exr(path: str | Path) -> ReadExr:
+    """Read an estimate as `read_estimate` does, with notes on what of the file is not in it.
+
+    Of several parts the first with R, G and B is taken.
+    """
     path = Path(path)
-    channels, metadata = _read(path)
+    channels, metadata, notes = _read(path)
+    if "A" in channels and (share := float((channels["A"] < 1).mean())) > 0:
+        # By the format's convention colours are multiplied by alpha already: what they hold is the radiance over black.
+        notes = (*notes, f"alpha is below 1 in {share:.2%} of the pixels; the colours are taken as they are, over "
+                         "black: a background that another program adds is not in them")
+    return ReadExr(*_estimate(path, channels, metadata), notes)
+
+
+def _estimate(path: Path, channels: Mapping[str, np.ndarray], metadata: dict[str, Value]) -> tuple[
+        Estimate, dict[str, Value]]:
     mean = _stack(path, channels, _COLOURS)
     text = metadata.pop(_ESTIMATE, None)
     metadata.pop(_BATCH, None)
@@ -100,7 +129,7 @@ def write_batch(path: str | Path, batch: Batch, metadata: Mapping[str, Any] | No
 def read_batch(path: str | Path) -> Batch:
     """Read a batch; StoreError when the file is missing, damaged, or not a batch of this harness."""
     path = Path(path)
-    channels, metadata = _read(path)
+    channels, metadata, _ = _read(path)
     if _BATCH not in metadata:
         raise StoreError(f"{path}: not a batch, it lacks the attribute '{_BATCH}'; remove it and render again")
     facts = _facts(path, metadata[_BATCH], ("samples", "rejected", "cpu_seconds"))
@@ -123,33 +152,44 @@ def _write(path: Path, channels: Mapping[str, np.ndarray], metadata: Mapping[str
         partial.write_bytes(_sealed(buffer.getvalue()))
 
 
-def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Value]]:
-    """All channels of the first part, and the metadata; StoreError as `read_estimate`."""
+def read_bytes(path: Path, kind: str) -> bytes:
+    """All bytes of a regular file; StoreError in one line where it cannot be read. `kind`: 'EXR', say."""
     try:
         if path.exists() and not path.is_file() and not path.is_dir():  # a device might never end
-            raise StoreError(f"{path}: not a regular file; name a readable EXR file")
-        data = path.read_bytes()
+            raise StoreError(f"{path}: not a regular file; name a readable {kind} file")
+        return path.read_bytes()
     except FileNotFoundError as error:
         raise StoreError(f"{path}: no such file; check the name, or render it first") from error
     except OSError as error:
-        raise StoreError(f"{path}: cannot be read ({error.strerror or error}); name a readable EXR file") from error
-    if data[:4] != b"\x76\x2f\x31\x01":  # the format's magic number
+        raise StoreError(f"{path}: cannot be read ({error.strerror or error}); name a readable {kind} file") from error
+
+
+def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Value], tuple[str, ...]]:
+    """All channels of the first part that has colours (else of the first), its metadata, and a note where there are
+    other parts; StoreError as `read_estimate`."""
+    data = read_bytes(path, "EXR")
+    if data[:4] != MAGIC:
         raise StoreError(f"{path}: not an OpenEXR file; convert it to EXR, or render it again")
     intact = _seal_holds(data)
     damaged = StoreError(f"{path}: truncated or damaged EXR file; remove it and render it again")
     if intact is False:
         raise damaged
+    notes: tuple[str, ...] = ()
     try:
         with (nullcontext() if intact else _silenced()), OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
-            header = dict(file.header())  # emptied when the file is closed
-            channels = {name: np.asarray(channel.pixels) for name, channel in file.channels().items()}
+            part = next((part for part in file.parts if set(_COLOURS) <= set(part.channels)), file.parts[0])
+            if len(file.parts) > 1:
+                notes = (f"of its {len(file.parts)} parts, '{part.header.get('name', '')}' is read, the first with "
+                         "R, G and B",)
+            header = dict(part.header)  # emptied when the file is closed
+            channels = {name: np.asarray(channel.pixels) for name, channel in part.channels.items()}
     except Exception as error:  # the library raises whatever its many layers do
         raise damaged from error
     metadata = {name: value for name, value in header.items()
                 if name not in _STRUCTURE and name != _SEAL and isinstance(value, str | int | float)}
     if intact is None and (_ESTIMATE in metadata or _BATCH in metadata):
         raise damaged
-    return channels, metadata
+    return channels, metadata, notes
 
 
 def _stack(path: Path, channels: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:

@@ -13,3 +13,9 @@ def encode_srgb(image: ArrayLike, exposure: float = 0.0) -> np.ndarray:
     """
     linear = np.clip(np.asarray(image, dtype=np.float64) * 2.0**exposure, 0.0, 1.0)
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear**(1 / 2.4) - 0.055)
+
+
+def decode_srgb(encoded: ArrayLike) -> np.ndarray:
+    """Display values in [0, 1] to linear Rec.709, the inverse of `encode_srgb` at exposure 0."""
+    values = np.asarray(encoded, dtype=np.float64)
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055)**2.4)

@@ -56,7 +56,7 @@ class FixedRun:
     """A run of a renderer whose answer is there from the beginning: a closed form, or a stored image."""
 
     def __init__(self, renderer: Renderer, estimate: Estimate) -> None:
-        self.renderer, self.replicas = renderer, 0
+        self.renderer, self.replicas, self.spp = renderer, 0, 1
         self._estimate = estimate
         self._tiles = tiles_of(estimate, tile_size(*estimate.mean.shape[:2]))
 

@@ -67,7 +67,7 @@ def test_an_edited_file_is_another_identity(copied: Path, module: str, file: str
 
 @pytest.mark.parametrize(("module", "file", "old", "new"), [
     pytest.param(TRACER, "gpu/samplers.py", "\nclass ", "\nEDITED = 1\n\n\nclass ", id="the tracer's wrap modes"),
-    pytest.param(TRACER, "gpu/renderer.py", "FLUSH_SAMPLES = 512", "FLUSH_SAMPLES = 513", id="the tracer's counting"),
+    pytest.param(TRACER, "gpu/pingpong.py", "FLUSH_SAMPLES = 512", "FLUSH_SAMPLES = 513", id="the tracer's counting"),
     pytest.param(STUDIES, "samples/exr.py", "_INT32 = 2**31", "_INT32 = 2**30", id="what a study reads from disk"),
     pytest.param(STUDIES, "machine/mitsuba_runtime.py", "\ndef ", "\nEDITED = 1\n\n\ndef ", id="Mitsuba's runtime"),
 ])
@@ -90,7 +90,7 @@ def test_comments_and_docstrings_invalidate_nothing(copied: Path, module: str) -
 
 def test_who_is_not_imported_counts_not(copied: Path) -> None:
     before = afresh(REFERENCE, copied)
-    edit(copied / "gpu" / "renderer.py", "FLUSH_SAMPLES = 512", "FLUSH_SAMPLES = 513")
+    edit(copied / "gpu" / "pingpong.py", "FLUSH_SAMPLES = 512", "FLUSH_SAMPLES = 513")
     assert afresh(REFERENCE, copied) == before
 
 

@@ -1,0 +1,180 @@
+"""Any program as an estimator: run in a process of its own, once a replica, its image read from its file."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from string import Formatter
+
+import numpy as np
+
+from harness.errors import HarnessError
+from harness.progress import Advance
+from harness.samples.estimate import Batch
+from harness.samples.readers import read_image
+from harness.samples.traits import Traits
+from harness.scene.file import SceneFile
+
+# What a command line may ask for, and what it must: without them there is no image, or no second one.
+WORDS = ("scene", "spp", "seed", "out", "width", "height")
+NEEDED = ("seed", "out")
+# Seconds that one run may take unless somebody says otherwise.
+TIME_LIMIT = 600.0
+# How long a program that is told to end may go on before it is killed, in seconds.
+GRACE = 2.0
+# A seed of 0 means "choose one" to many programs.
+FIRST_SEED = 1
+
+
+@dataclass(frozen=True)
+class Command:
+    """A program's command line, such as `myrt {scene} --spp {spp} --seed {seed} -o {out}`.
+
+    `template` is split as a shell would, but no shell runs it. In its words {scene} stands for the scene file, {spp}
+    for samples per pixel, {seed} for a number that differs from run to run, {out} for the image to write, {width} and
+    {height} for its size. `seconds`: how long a run may take. `suffix`: of {out}, by which a program may choose the
+    format.
+    """
+
+    template: str
+    seconds: float = TIME_LIMIT
+    suffix: str = ".exr"
+
+    def __post_init__(self) -> None:
+        try:
+            words = shlex.split(self.template)
+            asked = {name for word in words for _, name, _, _ in Formatter().parse(word) if name is not None}
+        except ValueError as error:
+            raise HarnessError(f"command `{self.template}`: {error}; write braces of its own twice, {{{{ and }}}}"
+                               ) from None
+        if not words:
+            raise HarnessError("an empty command; write a program with {seed} and {out} among its arguments")
+        for name in sorted(asked):
+            if name not in WORDS:
+                raise HarnessError(f"command `{self.template}`: unknown '{{{name}}}'; allowed: "
+                                   f"{', '.join(f'{{{word}}}' for word in WORDS)}")
+        for name in NEEDED:
+            if name not in asked:
+                why = "or all runs are one" if name == "seed" else "or its image is not found"
+                raise HarnessError(f"command `{self.template}`: lacks {{{name}}}; pass it on to the program, {why}")
+        if not self.seconds > 0:
+            raise HarnessError(f"a command's time limit must be above 0 seconds, found {self.seconds:g}")
+
+    @property
+    def name(self) -> str:
+        """The program's."""
+        return Path(shlex.split(self.template)[0]).name
+
+    def check(self, scene: SceneFile) -> str:
+        """It is taken at its word."""
+        return ""
+
+    @contextmanager
+    def open(self, scene: SceneFile) -> Iterator[CommandRenderer]:
+        """Nothing runs before the first batch; images go to a folder that is gone in the end."""
+        with tempfile.TemporaryDirectory(prefix="harness-command-") as folder:
+            yield CommandRenderer(self, scene, Path(folder))
+
+
+class CommandRenderer:
+    """Each replica is one run with a seed of its own. Two runs that are the same image are refused."""
+
+    traits = Traits(streams="runs", counts=False)
+
+    def __init__(self, command: Command, scene: SceneFile, folder: Path) -> None:
+        self._command, self._scene, self._folder = command, scene, folder
+        self._film = scene.film
+        self._hash = scene.hash
+        self._first: tuple[int, np.ndarray] | None = None
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """The command line and the scene; what the program is made of, nobody knows."""
+        return {"renderer": "command", "command": self._command.template, "scene": self._hash}
+
+    def render_batch(self, replica: int, start: int, count: int, advance: Advance | None = None) -> Batch:
+        """One run of `count` samples per pixel, its seed by the replica.
+
+        HarnessError, in one line, for a program that cannot be run, takes too long, fails, leaves no image or one of
+        another size, or ignores its seed.
+        """
+        if start:
+            raise HarnessError(f"`{self._command.name}` draws whole runs; samples from {start} on cannot be had alone")
+        seed, out = replica + FIRST_SEED, self._folder / f"run-{replica}{self._command.suffix}"
+        self._run(seed, count, out)
+        if not out.is_file():
+            raise self._error("wrote no file to {out}; let it write the image there")
+        image = read_image(out).pixels
+        out.unlink()
+        if image.shape[:2] != (self._film.height, self._film.width):
+            raise self._error(f"wrote an image of {image.shape[1]} x {image.shape[0]} pixels, the scene has "
+                              f"{self._film.width} x {self._film.height}; pass {{width}} and {{height}} on, or set the "
+                              "size to what it renders")
+        self._require_another(seed, image)
+        finite = np.isfinite(image).all(axis=-1)
+        rejected = int((~finite).sum()) * count
+        if advance is not None:
+            advance(count)
+        return Batch(np.where(finite[..., None], image, 0).astype(np.float32), count, rejected)
+
+    def _require_another(self, seed: int, image: np.ndarray) -> None:
+        """Two seeds that give one image, unless it is without noise at all."""
+        if self._first is None:
+            self._first = seed, image
+        elif seed != self._first[0] and np.array_equal(image, self._first[1], equal_nan=True):
+            raise self._error(f"gave the same image for seeds {self._first[0]} and {seed}, so its runs cannot be told "
+                              "apart; let the seed reach its random numbers (an image without noise: keep one file, "
+                              "and compare that)")
+
+    def _run(self, seed: int, spp: int, out: Path) -> None:
+        values = {"scene": self._scene.path, "spp": spp, "seed": seed, "out": out, "width": self._film.width,
+                  "height": self._film.height}
+        arguments = [word.format(**values) for word in shlex.split(self._command.template)]
+        with tempfile.TemporaryFile() as said:
+            try:
+                process = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, stdout=said, stderr=said,
+                                           start_new_session=True)
+            except OSError as error:
+                raise self._error(f"cannot be run ({error.strerror or error}); name a program that is installed"
+                                  ) from None
+            try:
+                status = process.wait(self._command.seconds)
+            except subprocess.TimeoutExpired:
+                _end(process)
+                raise self._error(f"took longer than {self._command.seconds:g} s and was ended; ask for fewer samples, "
+                                  "or allow more time") from None
+            except BaseException:  # Ctrl-C: the program has a session of its own, and would go on
+                _end(process)
+                raise
+            if status:
+                ended = f"signal {-status}" if status < 0 else f"exit status {status}"
+                raise self._error(f"failed with {ended}: {_last_line(said)}; try `{shlex.join(arguments)}`")
+
+    def _error(self, message: str) -> HarnessError:
+        return HarnessError(f"command `{self._command.name}` {message}")
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a program and all that it started; one that does not listen is killed."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, number)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(GRACE)
+            if number == signal.SIGTERM:
+                continue  # its children may be left
+            return
+
+
+def _last_line(said: object) -> str:
+    """The last thing that a program said before it ended."""
+    said.seek(0)  # type: ignore[attr-defined]
+    lines = [line.strip() for line in said.read().decode(errors="replace").splitlines()]  # type: ignore[attr-defined]
+    return next((line[:300] for line in reversed(lines) if line), "it said nothing")
