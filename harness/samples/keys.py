@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import hashlib
 import json
 import sys
@@ -11,6 +12,8 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from harness.errors import StoreError
 from harness.files import cache_dir, write_atomically
@@ -32,9 +35,19 @@ class _File(NamedTuple):
 def digest(content: object, digits: int = 64) -> str:
     """The first `digits` hexadecimal digits of the SHA-256 of a plain value, written as JSON with sorted keys.
 
-    Raises TypeError for what JSON has no word for.
+    Dataclasses count by their fields, arrays by shape, type and bytes. Raises TypeError for what else JSON has no word
+    for.
     """
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:digits]
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=_plain).encode()).hexdigest()[:digits]
+
+
+def _plain(value: object) -> object:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+    if isinstance(value, np.ndarray | np.generic):
+        data = np.ascontiguousarray(value)
+        return [list(data.shape), data.dtype.str, hashlib.sha256(data.tobytes()).hexdigest()]
+    raise TypeError(f"a {type(value).__name__} has no digest")
 
 
 def folder_digest(folder: Path, *suffixes: str) -> str:

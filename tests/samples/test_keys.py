@@ -9,9 +9,11 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from harness.samples import keys
+from harness.samples.estimate import Batch
 from harness.samples.keys import PACKAGE, code_digest, digest, folder_digest
 
 REFERENCE, TRACER, MESH = "harness.reference.renderer", "harness.gpu.renderer", "harness.reference.displaced"
@@ -162,8 +164,16 @@ def test_plain_values_have_a_digest() -> None:
     """The order of a mapping's entries does not count, everything else does; SHA-256 of the JSON, as anybody can."""
     assert digest({"a": 1, "b": [2.5]}) == digest({"b": (2.5,), "a": 1}) != digest({"a": 1, "b": [2.50001]})
     assert digest("x", 8) == "ba2df490"  # printf '"x"' | sha256sum
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match="Path has no digest"):
         digest({"a": Path("x")})
+
+
+def test_arrays_count_by_every_bit() -> None:
+    image = np.arange(6.0).reshape(2, 3)
+    others = [image.reshape(3, 2), image.astype(np.float32), image + np.eye(2, 3) * 1e-15]
+    digests = {digest([each]) for each in (image, image.T.copy().T, *others)}
+    assert len(digests) == 4
+    assert digest(Batch(image, 4)) == digest(Batch(image.copy(), 4)) != digest(Batch(image, 5))
 
 
 def test_glsl_counts_as_it_is_written(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ _DODGE = 1.12
 
 def curves_svg(result: StudyResult) -> bytes:
     """`curves` as SVG, its text in text elements; the same bytes for the same result."""
-    return svg(lambda: curves(result), result.scene)
+    return svg(lambda: curves(result), result.scene, of=result)
 
 
 def curves(result: StudyResult) -> Figure:

@@ -21,7 +21,7 @@ OURS, HANDOUT = "Blue dots", "Orange triangles"
 def panels_svg(plots: Sequence[Plot], salt: str) -> tuple[bytes, float]:
     """The figure as SVG, and its width in centimetres; `salt`: see `svg`."""
     width = _SINGLE_CM if len(plots) == 1 else len(plots) * _PANEL_CM
-    return svg(lambda: _figure(plots, width), salt), width
+    return svg(lambda: _figure(plots, width), salt, of=list(plots)), width
 
 
 def _figure(plots: Sequence[Plot], width: float) -> Figure:

@@ -22,7 +22,7 @@ _CASES = ("#0072b2", "#e69f00", "#cc79a7", "#56b4e9", "#000000")
 def power_svg(powers: Sequence[Power]) -> tuple[bytes, list[str]]:
     """The figure as SVG, and the names of the cases without tolerance, in the order of its colours."""
     names = list(dict.fromkeys(each.case for each in powers if each.tolerance == 0))
-    return svg(lambda: _panels(powers, names), "calibration"), names
+    return svg(lambda: _panels(powers, names), "calibration", of=list(powers)), names
 
 
 def _panels(powers: Sequence[Power], names: Sequence[str]) -> Figure:

@@ -11,6 +11,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from harness.report.figures.style import RC
+from harness.samples.keys import code_digest
+from harness.samples.memo import remembered_bytes
 
 _INCHES_PER_CM = 1 / 2.54
 _DPI = 110  # of figures that are looked at on a screen, by themselves
@@ -23,12 +25,16 @@ def blank(width: float, height: float, **options: Any) -> Figure:
     return figure
 
 
-def svg(draw: Callable[[], Figure], salt: str, *, letters_as_shapes: bool = False) -> bytes:
+def svg(draw: Callable[[], Figure], salt: str, *, of: object = None, letters_as_shapes: bool = False) -> bytes:
     """What `draw` returns, drawn with the report's settings, as SVG: the same bytes for the same figure.
 
     `salt`: of the names inside the file, which would be random without; figures of one page need different ones.
-    Text stays text, for pages that bring the fonts; `letters_as_shapes`: for a file that is looked at alone.
+    Text stays text, for pages that bring the fonts; `letters_as_shapes`: for a file that is looked at alone. `of`: all
+    that `draw` depends on besides code, as `digest` takes it; what was drawn of the same is then read back.
     """
+    if of is not None:
+        key = [code_digest(draw.__module__), matplotlib.__version__, salt, letters_as_shapes, of]
+        return remembered_bytes("figures", key, lambda: svg(draw, salt, letters_as_shapes=letters_as_shapes))
     settings = {"svg.hashsalt": salt, **({"svg.fonttype": "path"} if letters_as_shapes else {})}
     return _saved(draw, settings, format="svg", metadata={"Date": None, "Creator": None})
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from dataclasses import replace
+from pathlib import Path
 from types import ModuleType
 
 import matplotlib
@@ -13,8 +14,10 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
+from harness.report.figures import convergence
 from harness.report.figures.convergence import curves, curves_svg
 from harness.report.figures.style import RC, strategy_style
+from harness.report.figures.svg import blank
 from harness.results import StudyResult
 from tests.support.report import with_curves
 
@@ -57,9 +60,24 @@ def test_only_strategies_that_do_not_suit_are_dashed(study: StudyResult, svg: st
     assert dashed == {strategy_style("phong").colour}
 
 
-def test_the_same_result_gives_the_same_file_and_a_small_one(study: StudyResult, svg: str) -> None:
+def test_the_same_result_gives_the_same_file_and_a_small_one(
+    study: StudyResult, svg: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))  # drawn again, not read back
     assert curves_svg(study).decode() == svg
     assert len(svg) < 150_000
+
+
+def test_a_figure_is_drawn_once_and_another_one_for_another_result(
+    study: StudyResult, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    drawn: list[StudyResult] = []
+    monkeypatch.setattr(convergence, "curves", lambda result: drawn.append(result) or blank(2, 2))
+    other = replace(study, strategies=study.strategies[1:])
+    for result in (study, study, other, replace(study)):
+        curves_svg(result)
+    assert drawn == [study, other]
 
 
 def unreadable(study: StudyResult, synthetic: ModuleType) -> list[StudyResult]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,6 +34,23 @@ def test_both_ends_saturate_alike_and_the_undefined_is_grey() -> None:
     image = pixels(pictures.difference_png(np.array([[0.1, 99.0, np.nan, np.inf]]), 0.1))[0]
     assert (image[0] == image[1]).all()
     assert (image[2] == pictures.UNDEFINED).all() and (image[3] == pictures.UNDEFINED).all()
+
+
+def test_a_flip_map_is_evaluated_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """And read back with every bit, what is undefined too; another exposure is another map."""
+    monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+    evaluated: list[float] = []
+
+    def flip_map(test: np.ndarray, reference: np.ndarray, exposure: float) -> np.ndarray:
+        evaluated.append(exposure)
+        return np.where(np.arange(12).reshape(3, 4) == 5, np.nan, test[..., 0] / 3)
+
+    monkeypatch.setattr(pictures, "flip_map", flip_map)
+    test, reference = np.linspace(0, 1, 36).reshape(3, 4, 3), np.zeros((3, 4, 3))
+    first, again, brighter = (pictures.perceived_map(test, reference, exposure) for exposure in (0.0, 0.0, 1.0))
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_array_equal(first, flip_map(test, reference, 0.0))
+    assert evaluated == [0.0, 1.0, 0.0] and brighter.shape == (3, 4)
 
 
 def test_flip_grows_brighter_from_black() -> None:
