@@ -80,17 +80,17 @@ def runs_side(estimator: Estimator, scene: SceneFile, replicas: int, spp: int) -
 def mitsuba_side(scene: SceneFile, samples: int, store: Store | None) -> Side:
     """Mitsuba's own image of the scene, of so many samples per pixel."""
     from harness.cli.options import MAX_SPP, SCENE_HASH
-    from harness.scene import load_scene
+    from harness.estimators.mitsuba import Mitsuba
     from harness.work.run import reference_run
 
-    width, height = scene.size or (None, None)
-    loaded = load_scene(scene.path, width=width, height=height)
-    run = reference_run(loaded, min(samples, MAX_SPP), store)
-    replicas = -(-min(samples, MAX_SPP) // run.spp)
-    with progress(replicas * run.spp, f"{loaded.name} mitsuba path") as advance:
-        run.grow(replicas, advance)
-    facts = {SCENE_HASH: loaded.content_hash, "exposure": loaded.exposure}
-    return Side("mitsuba path", run.estimate(), run.tiles(), replicas, facts)
+    estimator = Mitsuba()
+    with estimator.open(scene) as renderer:
+        run = reference_run(renderer, min(samples, MAX_SPP), store)
+        replicas = -(-min(samples, MAX_SPP) // run.spp)
+        with progress(replicas * run.spp, f"{scene.name} {estimator.name}") as advance:
+            run.grow(replicas, advance)
+        facts = {SCENE_HASH: renderer.identity["scene"], "exposure": scene.film.exposure}
+    return Side(estimator.name, run.estimate(), run.tiles(), replicas, facts)
 
 
 def drawn(renderer: Renderer, name: str, replicas: int, spp: int, *, facts: Mapping[str, object] | None = None,
@@ -103,7 +103,8 @@ def drawn(renderer: Renderer, name: str, replicas: int, spp: int, *, facts: Mapp
         return Side(name, fixed, tiles_of(fixed, tile_size(*fixed.mean.shape[:2])), max(fixed.batches, 1), facts or {},
                     stored)
     image, tiles = Accumulator(), None
-    with progress(replicas, name) as advance:
+    # Pixels that are not finite have been warned of, or counted, and decide the verdict.
+    with np.errstate(invalid="ignore"), progress(replicas, name) as advance:
         for replica in range(replicas):
             batch = renderer.render_batch(replica, 0, spp)
             tiles = tiles or TileAccumulator(tile_size(*batch.mean.shape[:2]))
@@ -131,7 +132,8 @@ def buys(ours: Side, theirs: Side, alone: Side) -> str:
     difference = with_luminance(ours.estimate.mean - theirs.estimate.mean)[..., 3]
     scale = float(error_scale(theirs.estimate.image_mean)[3])
     pixels = difference.size
-    one = float(np.std(difference)) / np.sqrt(pixels) / scale
+    with np.errstate(invalid="ignore"):
+        one = float(np.std(difference)) / np.sqrt(pixels) / scale
 
     def interval(runs: int) -> str:
         return f"±{float(half_width(np.array(one / np.sqrt(runs)), np.array(runs - 1.0), 0.05)):.1%}"
