@@ -268,6 +268,7 @@ class TestRuns:
         foreign("mine_0.exr", {"RGB": np.full((*SHAPE, 3), 1, "f4")}, spp=30)
         foreign("mine_1.exr", {"RGB": np.full((*SHAPE, 3), 5, "f4")}, spp=10)
         done = harness("compare", "mine_*.exr", foreign("truth.exr", {"RGB": np.ones((*SHAPE, 3), "f4")}), "--json")
+        assert done.err == ""
         assert done.json["rmse"] == pytest.approx(1.0)
 
     def test_of_a_folder(self, harness: Harness) -> None:
