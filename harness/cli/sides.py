@@ -120,7 +120,8 @@ def buys(ours: Side, theirs: Side, alone: Side) -> str:
     difference = with_luminance(ours.estimate.mean - theirs.estimate.mean)[..., 3]
     scale = float(error_scale(theirs.estimate.image_mean)[3])
     pixels = difference.size
-    one = float(np.std(difference)) / np.sqrt(pixels) / scale
+    with np.errstate(invalid="ignore"):
+        one = float(np.std(difference)) / np.sqrt(pixels) / scale
 
     def interval(runs: int) -> str:
         return f"±{float(half_width(np.array(one / np.sqrt(runs)), np.array(runs - 1.0), 0.05)):.1%}"

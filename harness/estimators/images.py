@@ -57,8 +57,9 @@ class Images:
         """All files, read. HarnessError, in one line that names them, where some cannot be read, sizes differ, or two
         are not independent."""
         runs = StoredRuns(self.files)
-        if scene is not None and scene.size is not None:
-            runs.require_size(scene.size)
+        if scene is not None:
+            film = scene.film
+            runs.require_size((film.width, film.height))
         yield runs
 
 

@@ -37,6 +37,7 @@ class Gate:
     together the budget. `not_finite`: the share of samples that may be neither finite nor counted. `fail_level` and
     `pass_level` are those of `stats.sequential.Sequence`, the former this gate's share of its family's. `origin`: file
     and line, where messages point; `entry`: the name of the entry of the file, which stands for one gate a strategy.
+    `at_once`: all replicas are there from the beginning (images in files), so there is one look, at all of them.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Gate:
     entry: str
     origin: str
     not_finite: float = 0.0
+    at_once: bool = False
 
     @property
     def strategy(self) -> str:
@@ -62,7 +64,7 @@ class Gate:
     @property
     def looks(self) -> tuple[int, ...]:
         """The numbers of replicas at which the gate looks."""
-        return tuple(self.replicas // share for share in LOOK_SHARES)
+        return (self.replicas,) if self.at_once else tuple(self.replicas // share for share in LOOK_SHARES)
 
     @property
     def sequence(self) -> Sequence:

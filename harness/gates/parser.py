@@ -5,7 +5,9 @@ or for several strategies of one, [[gate]]:
 
     name         a folder's name; of a list of strategies each is called NAME-STRATEGY
     scene        a Mitsuba scene file (.xml), or the name of one that is bundled with the harness
-    strategy     one, or a list
+    strategy     one, or a list; or in its place
+    command      a program that renders the scene: "myrt {scene} --spp {spp} --seed {seed} -o {out}"; or
+    images       renders that are there: a file, a folder or a pattern such as "mine_*.exr", each an independent run
     reason       why this tolerance; reports quote it
     tolerance    { mean, coarse, fine }: relative bias of the image, of larger and of smaller tiles that counts as none
     spp          samples per pixel of a replica
@@ -14,6 +16,7 @@ or for several strategies of one, [[gate]]:
     reference    { spp } of Mitsuba for each replica, { file } (.exr), or { value } (one colour for all pixels)
     confidence   of the intervals that must lie within the tolerance
     not_finite   the share of samples that may be neither finite nor counted
+    timeout      seconds that a run of the command may take
     shader       a file that stands in for path_tracer.frag
     glsl         a folder of files that stand in for those of the harness's glsl/ with the same name
 
@@ -32,9 +35,10 @@ from typing import Any
 
 from harness.errors import HarnessError
 from harness.estimators.base import Estimator
+from harness.estimators.command import TIME_LIMIT, Command
 from harness.estimators.constant import Constant
+from harness.estimators.images import Images
 from harness.estimators.mitsuba import Mitsuba
-from harness.estimators.stored import Stored
 from harness.estimators.tracer import Tracer
 from harness.gates.lines import Lines, Way, lines
 from harness.gates.model import (
@@ -58,7 +62,9 @@ MAX_SPP = 1 << 16  # of one replica
 MAX_TILE = 10.0  # a tolerance of tiles beyond 1 sees nothing but fireflies: for gates that mean the mean alone
 
 _GATE_KEYS = ("name", "scene", "strategy", "reason", "tolerance", "spp", "replicas", "size", "reference", "confidence",
-              "not_finite", "shader", "glsl")
+              "not_finite", "command", "images", "timeout", "shader", "glsl")
+# Of which a gate has one: what it judges.
+_JUDGED = ("strategy", "command", "images")
 _OWN_KEYS = ("name", "scene", "reason")  # which have no default
 _FOLDER_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
@@ -115,15 +121,50 @@ def _gates(entry: _Table, defaults: _Table) -> Iterator[Gate]:
     merged = entry.over(defaults)
     scene = SceneFile(path, size=_size(merged))
     reference, reference_spp = _reference(merged)
-    listed = isinstance(merged.value("strategy"), list)
-    for strategy in _strategies(merged):
+    for label, test in _judged(merged):
+        files = len(test.files) if isinstance(test, Images) else 0
         yield Gate(
-            name=f"{name}-{strategy}" if listed else name, entry=name, scene=scene, reason=reason,
-            test=Tracer(strategy, shader=merged.file("shader"), folder=merged.file("glsl", folder=True)),
+            name=f"{name}-{label}" if label else name, entry=name, scene=scene, reason=reason, test=test,
             reference=reference, reference_spp=reference_spp, tolerance=_tolerance(merged),
-            spp=merged.integer("spp", 1, MAX_SPP), replicas=_replicas(merged), fail_level=FALSE_ALARMS,
-            pass_level=1 - merged.number("confidence", low=0.5, high=1.0),
+            spp=merged.integer("spp", 1, MAX_SPP), replicas=files or _replicas(merged), at_once=bool(files),
+            fail_level=FALSE_ALARMS, pass_level=1 - merged.number("confidence", low=0.5, high=1.0),
             not_finite=merged.number("not_finite", low=0.0, high=1.0, or_low=True), origin=entry.origin())
+
+
+def _judged(table: _Table) -> Iterator[tuple[str, Estimator]]:
+    """What a gate judges, each with what is added to the gate's name: nothing where there is one."""
+    given = [key for key in _JUDGED if key in table.values and table.is_own(key)] or [
+        key for key in _JUDGED if key in table.values]
+    if len(given) != 1:
+        raise table.error(given[-1] if given else "strategy",
+                          f"expected one of {', '.join(_JUDGED)}, found {' and '.join(given) or 'none of them'}")
+    if given != ["strategy"]:
+        for key in ("shader", "glsl"):
+            if key in table.values and table.is_own(key):
+                raise table.error(key, f"'{key}' is part of our tracer, and '{given[0]}' stands in its place; take one "
+                                       "of them away")
+        try:
+            if given == ["images"]:
+                yield "", _runs(table)
+            else:
+                seconds = table.number("timeout", TIME_LIMIT, low=0.0, high=86_400.0)
+                yield "", Command(table.text("command"), seconds)
+        except HarnessError as error:
+            raise error if str(error).startswith(f"{table.path}:") else table.error(given[0], str(error)) from None
+        return
+    listed = isinstance(table.value("strategy"), list)
+    for strategy in _strategies(table):
+        yield strategy if listed else "", Tracer(strategy, shader=table.file("shader"),
+                                                 folder=table.file("glsl", folder=True))
+
+
+def _runs(table: _Table) -> Images:
+    """The images that are judged: two or more, for one tells nothing of its noise."""
+    images = Images.found(table.text("images"), table.path.parent)
+    if not 1 < len(images.files) <= MAX_REPLICAS:
+        raise table.error("images", f"'{table.text('images')}' names {len(images.files)} file(s), expected 2 to "
+                                    f"{MAX_REPLICAS} independent runs; render the scene again with other seeds")
+    return images
 
 
 def _scene(entry: _Table) -> Path:
@@ -192,7 +233,7 @@ def _reference(table: _Table) -> tuple[Estimator, int]:
     if "spp" in given.values:
         return Mitsuba(), given.integer("spp", 1, MAX_SPP)
     if "file" in given.values:
-        return Stored(given.existing("file", given.text("file"))), 1
+        return Images((given.existing("file", given.text("file")),)), 1
     value = given.values["value"]
     if not (isinstance(value, list) and len(value) == 3 and all(_is_number(v) and v >= 0 for v in value)):
         raise given.error("value", f"expected [red, green, blue], each zero or more, found {value}")
@@ -222,6 +263,10 @@ class _Table:
         merged = _Table(self.path, values, self.places, self.way)
         merged._elsewhere = {key: defaults.way for key in defaults.values if key not in self.values}
         return merged
+
+    def is_own(self, key: str) -> bool:
+        """It stands in this table, and not in [defaults]."""
+        return key not in self._elsewhere
 
     def only(self, *known: str) -> None:
         for key in self.values:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from types import TracebackType
 
+import numpy as np
+
 from harness.errors import HarnessError, MachineError
 from harness.estimators.base import Estimator
 from harness.estimators.held import OneAtATime
@@ -47,5 +49,21 @@ class References:
                 raise
             except HarnessError as error:
                 raise gate.error(str(error)) if type(error) is HarnessError else error from None
-            self._runs[key] = run_of(renderer, gate.reference_spp, self._store)
+            run = run_of(renderer, gate.reference_spp, self._store)
+            if problem := _unusable(gate, run):
+                raise gate.error(problem)
+            self._runs[key] = run
         return self._runs[key]
+
+
+def _unusable(gate: Gate, run: Run | FixedRun) -> str:
+    """Why nothing can be held against a reference; empty where it can."""
+    if isinstance(run, Run):
+        alone = run.renderer.traits.replicas == 1
+    else:
+        estimate = run.estimate()
+        if not np.isfinite(estimate.mean).all():
+            return f"the reference {gate.reference.name} holds pixels that are not finite; render it again"
+        alone = estimate.batches > 0 and bool(np.isnan(estimate.variance).any())
+    return (f"the reference {gate.reference.name} carries no variance, so nothing can be decided; write it with "
+            "`harness reference` or harness.write_estimate") if alone else ""

@@ -73,7 +73,7 @@ def _look(gate: Gate, ours: Run, theirs: Run | FixedRun, advance: Callable[[floa
         done.append(Look(gate.spp * replicas, int(reference.samples.sum()), verdict))
         if verdict.outcome != "inconclusive":
             break
-        if number == 0:
+        if number == 0 and not gate.at_once:
             _require_budget(gate, theirs, ImageMoments.of(test), ImageMoments.of(reference))
     return done
 
@@ -94,7 +94,7 @@ def _result(gate: Gate, film: Film, looks: list[Look], ours: Run, theirs: Run | 
     drawn = estimate.samples * film.width * film.height
     if estimate.rejected > gate.not_finite * drawn:
         outcome, reason = "fail", _uncounted(estimate.rejected, drawn)
-    elif _is_one_image(ours) and _varies(ours):
+    elif ours.renderer.traits.streams == "any" and _is_one_image(ours) and _varies(ours):
         outcome, reason = "fail", ("all replicas are one image, which is not without noise: the seed leaves out "
                                    "`replica`, so its error and its noise cannot be told apart")
     elif outcome != "pass" and _is_one_image(ours):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import OpenEXR
 import pytest
 from PIL import Image
 
+from harness.samples.estimate import Estimate
 from harness.samples.exr import write_estimate
 from harness.work.batches import render_estimate
 from tests.cli.conftest import Harness, refusal
@@ -57,8 +59,9 @@ class TestVerdict:
     def test_is_told_with_each_channels_interval(self, harness: Harness) -> None:
         done = harness("compare", ours("x.exr", replica=1), ours("truth.exr"), "--tolerance", "0.01")
         lines = done.out.splitlines()
-        assert [line.partition(": ")[0] for line in lines[-3:]] == ["verdict", "tiles of 4 px", "tiles of 1 px"]
-        assert all(": pass: " in line for line in lines[-3:])
+        assert [line.partition(": ")[0] for line in lines[-4:]] == ["verdict", "tiles of 4 px", "tiles of 1 px",
+                                                                    "smallest bias sure to fail"]
+        assert all(": pass: " in line for line in lines[-4:-1])
         assert [line.split(" ")[2] for line in lines if line.startswith("mean error, ")] == [
             "red", "green", "blue", "luminance"]
         assert done.err == ""
@@ -79,7 +82,7 @@ class TestVerdict:
     def test_leaves_tiles_undecided_that_are(self, harness: Harness) -> None:
         done = harness("compare", ours("x.exr", replica=1), ours("truth.exr"), "--tolerance", "0.003")
         assert done.status == 0
-        fine = done.out.splitlines()[-1]
+        fine = done.out.splitlines()[-2]
         assert fine.startswith("tiles of 1 px: inconclusive: ")
         assert re.search(r"; draw more samples, about \d\.\d times as many$", fine)
 
@@ -95,7 +98,9 @@ class TestVerdict:
         files = [foreign("theirs.exr"), ours("ours.exr")]
         done = harness("compare", *(reversed(files) if swapped else files))
         assert done.status == 0
-        assert done.out.splitlines()[-1].startswith("no verdict: theirs.exr without variance")
+        assert done.out.splitlines()[-1].startswith(
+            "no verdict: theirs.exr is one render without variance; a second one with another seed, the two named "
+            "'theirs_*.exr', gives the mean's error an interval of about ±")
         assert "rmse" in done.out
 
     def test_is_none_in_json_for_files_of_others(self, harness: Harness) -> None:
@@ -188,9 +193,9 @@ class TestRefusals:
 
     @pytest.mark.parametrize(("content", "complaint"), [
         (None, "no such file; check the name, or render it first"),
-        (b"", "not an OpenEXR file"),
+        (b"", "an empty file; render it again"),
         (struct.pack("<I", 20000630), "truncated or damaged EXR file"),
-        (b"\x89PNG\r\n\x1a\n", "not an OpenEXR file"),
+        (b"\x89PNG\r\n\x1a\n", "truncated or damaged image"),
     ])
     @pytest.mark.parametrize("position", [0, 1])
     def test_no_exr_file(
@@ -209,15 +214,15 @@ class TestRefusals:
         assert refusal(harness("compare", "cut.exr", "x.exr")) == (
             "cut.exr: truncated or damaged EXR file; remove it and render it again")
 
-    def test_a_png(self, harness: Harness) -> None:
-        Image.new("RGB", (24, 16)).save("x.png")
-        assert refusal(harness("compare", "x.png", ours("truth.exr"))).startswith("x.png: not an OpenEXR file")
-
-    def test_a_folder_or_a_device(self, harness: Harness) -> None:
+    def test_an_empty_folder_and_a_device(self, harness: Harness) -> None:
         """A device is not read, for it may never end."""
         Path("folder.exr").mkdir()
-        assert "cannot be read (Is a directory)" in refusal(harness("compare", "folder.exr", "x.exr"))
+        assert refusal(harness("compare", "folder.exr", "x.exr")).startswith("folder.exr: no image in this folder")
         assert refusal(harness("compare", "/dev/zero", "x.exr")).startswith("/dev/zero: not a regular file")
+
+    def test_a_pattern_without_files_and_one_that_the_shell_expanded(self, harness: Harness) -> None:
+        assert refusal(harness("compare", "no_*.exr", "x.exr")).startswith("no_*.exr: no file matches this pattern")
+        assert "found 3; quote patterns" in refusal(harness("compare", "a.exr", "b.exr", "c.exr"))
 
     @pytest.mark.parametrize(("names", "held"), [("Y", "Y"), (("a.R", "a.G", "a.B"), "a.B, a.G, a.R")])
     def test_channels_other_than_red_green_and_blue(self, harness: Harness, names: tuple[str, ...], held: str) -> None:
@@ -245,3 +250,155 @@ def test_images_of_two_scenes_are_compared_with_a_warning(harness: Harness) -> N
                         "fedcba9876543210, not 0123456789abcdef)\n")
     assert done.json["verdict"] is not None
     assert harness("compare", "x.exr", "x.exr").err == ""
+
+
+class TestRuns:
+    """Several files a side are independent runs."""
+
+    @staticmethod
+    def runs(name: str, count: int, mean: float = 0.5, first: int = 0, samples: int = 64) -> str:
+        for k in range(first, first + count):
+            pixels = render_estimate(NoiseRenderer(mean=mean, size=SHAPE), samples, replica=k).mean
+            foreign(f"{name}_{k}.exr", {"RGB": pixels.astype(np.float32)}, spp=samples)
+        return f"{name}_*.exr"
+
+    @pytest.mark.parametrize(("mean", "outcome", "status"), [(0.5, "pass", 0), (0.55, "fail", 1)])
+    def test_decide(self, harness: Harness, mean: float, outcome: str, status: int) -> None:
+        mine, truth = self.runs("mine", 12, mean), self.runs("truth", 12, first=100)
+        done = harness("compare", mine, truth, "--tolerance", 0.02, "--json")
+        assert (done.json["verdict"]["outcome"], done.status, done.err) == (outcome, status, "")
+        assert done.json["sides"]["test"]["runs"] == 12
+        assert done.json["sides"]["test"]["samples"] == 12 * 64
+        assert done.json["smallest_detectable"]["mean"] == pytest.approx(0.02, abs=0.01)
+
+    def test_are_told_with_what_was_sure_to_show(self, harness: Harness) -> None:
+        done = harness("compare", self.runs("mine", 4), self.runs("truth", 4, first=100))
+        assert done.out.splitlines()[-1].startswith("smallest bias sure to fail: ")
+        assert done.out.splitlines()[-1].endswith("; from 4 runs against 4 runs")
+
+    def test_weigh_by_their_samples_where_all_files_say_them(self, harness: Harness) -> None:
+        foreign("mine_0.exr", {"RGB": np.full((*SHAPE, 3), 1.5, "f4")}, spp=30)
+        foreign("mine_1.exr", {"RGB": np.full((*SHAPE, 3), 3.5, "f4")}, spp=10)
+        done = harness("compare", "mine_*.exr", foreign("truth.exr", {"RGB": np.ones((*SHAPE, 3), "f4")}), "--json")
+        assert done.json["rmse"] == pytest.approx(1.0)
+
+    def test_of_a_folder(self, harness: Harness) -> None:
+        self.runs("mine", 3)
+        Path("folder").mkdir()
+        for file in Path().glob("mine_*.exr"):
+            file.rename(Path("folder") / file.name)
+        done = harness("compare", "folder", self.runs("truth", 2, first=100), "--json")
+        assert done.json["sides"]["test"]["runs"] == 3
+
+    def test_of_ours_keep_the_variance_of_each(self, harness: Harness) -> None:
+        ours("a_0.exr", replica=1), ours("a_1.exr", replica=2)
+        done = harness("compare", "a_*.exr", ours("truth.exr"), "--tolerance", "0.01", "--json")
+        assert done.json["verdict"]["outcome"] == "pass"
+        assert done.json["sides"]["test"]["samples"] == 2 * 4096
+
+    def test_of_one_seed_are_refused(self, harness: Harness) -> None:
+        self.runs("mine", 3), self.runs("truth", 2, first=100)
+        Path("mine_7.exr").write_bytes(Path("mine_1.exr").read_bytes())
+        assert refusal(harness("compare", "mine_*.exr", "truth_*.exr")).startswith(
+            "mine_1.exr and mine_7.exr hold the same pixels")
+
+    def test_that_share_their_noise_are_refused(self, harness: Harness) -> None:
+        self.runs("mine", 8), self.runs("truth", 2, first=100)
+        twice = render_estimate(NoiseRenderer(size=SHAPE), 64, replica=2).mean * 1.001
+        foreign("mine_9.exr", {"RGB": twice.astype(np.float32)})
+        assert refusal(harness("compare", "mine_*.exr", "truth_*.exr")).startswith(
+            "mine_2.exr and mine_9.exr share most of their noise")
+
+    def test_on_both_sides_are_refused(self, harness: Harness) -> None:
+        self.runs("mine", 3)
+        assert "one on either side: a run may not be its own reference" in refusal(
+            harness("compare", "mine_*.exr", "mine_[01].exr"))
+
+    def test_one_file_given_twice_is_refused(self, harness: Harness) -> None:
+        self.runs("mine", 2)
+        Path("mine_2.exr").symlink_to("mine_0.exr")
+        assert "mine_2.exr is given twice, also as " in refusal(harness("compare", "mine_*.exr", "mine_0.exr"))
+
+    def test_of_two_sizes_name_the_odd_one(self, harness: Harness) -> None:
+        self.runs("mine", 3)
+        foreign("mine_1.exr", {"RGB": np.ones((20, 20, 3), "f4")})
+        assert refusal(harness("compare", "mine_*.exr", "mine_0.exr")) == (
+            "mine_1.exr is 20 x 20, mine_0.exr is 24 x 16; render all at the same size")
+
+    def test_half_of_them_unreadable_are_counted(self, harness: Harness) -> None:
+        self.runs("mine", 4)
+        for k in (1, 3):
+            Path(f"mine_{k}.exr").write_bytes(b"")
+        assert refusal(harness("compare", "mine_*.exr", "mine_0.exr")) == (
+            "2 of 4 images cannot be read, first of all mine_1.exr: an empty file; render it again")
+
+    def test_with_a_nan_pixel_name_the_file_and_fail(self, harness: Harness) -> None:
+        self.runs("mine", 3), self.runs("truth", 2, first=100)
+        broken = colours()
+        broken[3, 4, 1] = np.nan
+        foreign("mine_2.exr", {"RGB": broken})
+        done = harness("compare", "mine_*.exr", "truth_*.exr")
+        assert done.status == 1
+        assert done.err.startswith("warning: mine_2.exr: pixels that are not finite: 1")
+        assert "verdict: fail: the test image holds pixels that are not finite" in done.out
+
+    def test_of_png_say_once_what_clipping_hides(self, harness: Harness) -> None:
+        for k in range(3):
+            pixels = np.random.default_rng(k).integers(0, 256, (*SHAPE, 3), dtype=np.uint8)
+            Image.fromarray(pixels).save(f"mine_{k}.png")
+        done = harness("compare", "mine_*.png", foreign("truth.exr"))
+        assert done.err.startswith("note: mine_0.png (and 2 more): PNG is taken as sRGB of 8 bits: ")
+        assert done.err.count("\n") == 1
+
+
+PROGRAM = """import sys, time
+import numpy as np
+scene, spp, seed, out, behaviour = sys.argv[1:]
+if behaviour == "hangs":
+    time.sleep(60)
+if behaviour == "fails":
+    sys.exit("no such light\\n")
+shape = (10, 10, 3) if behaviour == "another size" else (12, 16, 3)
+rng = np.random.default_rng(1 if behaviour == "ignores its seed" else int(seed))
+image = np.array([0.5, 0.25, 1.0]) * (1.1 if behaviour == "biased" else 1.0) + 0.01 * rng.standard_normal(shape)
+if behaviour != "writes nothing":
+    open(out, "wb").write(b"PF\\n%d %d\\n-1\\n" % (shape[1], shape[0]) + image[::-1].astype("<f4").tobytes())
+"""
+
+
+class TestCommand:
+    """A program that renders the scene."""
+
+    @staticmethod
+    def template(behaviour: str) -> str:
+        Path("program.py").write_text(PROGRAM.replace("\\\\n", "\\n"))
+        return f"{sys.executable} program.py {{scene}} {{spp}} {{seed}} {{out}} '{behaviour}'"
+
+    @pytest.mark.parametrize(("behaviour", "outcome", "status"), [("is right", "pass", 0), ("biased", "fail", 1)])
+    def test_is_held_against_mitsubas_own_image(
+        self, harness: Harness, sky: Path, behaviour: str, outcome: str, status: int,
+    ) -> None:
+        done = harness("compare", "--command", self.template(behaviour), "--scene", sky, "--spp", 4, "--replicas", 4,
+                       "--tolerance", 0.02, "--json")
+        assert (done.json["verdict"]["outcome"], done.status) == (outcome, status)
+        assert done.json["sides"]["test"]["runs"] == 4
+
+    def test_is_held_against_files(self, harness: Harness, sky: Path) -> None:
+        truth = np.broadcast_to(np.array([0.5, 0.25, 1], "f4"), (12, 16, 3)).copy()
+        write_estimate("truth.exr", Estimate.exact(truth))
+        done = harness("compare", "truth.exr", "--command", self.template("is right"), "--scene", sky, "--replicas", 4,
+                       "--tolerance", 0.02, "--json")
+        assert done.json["verdict"]["outcome"] == "pass"
+
+    @pytest.mark.parametrize(("behaviour", "complaint"), [
+        ("hangs", "took longer than 0.5 s"), ("fails", "no such light"), ("writes nothing", "wrote no file"),
+        ("another size", "10 x 10 pixels"), ("ignores its seed", "same image for seeds 1 and 2"),
+    ])
+    def test_that_misbehaves_is_one_line(self, harness: Harness, sky: Path, behaviour: str, complaint: str) -> None:
+        limit = 0.5 if behaviour == "hangs" else 60
+        done = harness("compare", "--command", self.template(behaviour), "--scene", sky, "--timeout", limit)
+        assert complaint in refusal(done)
+
+    def test_without_its_scene_is_refused(self, harness: Harness) -> None:
+        assert refusal(harness("compare", "--command", "x {seed} {out}")).startswith("--command needs the scene")
+        assert refusal(harness("compare", "a.exr", "b.exr", "--scene", "x.xml")).startswith("--scene, --set and --size")

@@ -9,8 +9,8 @@ import pytest
 
 from harness.errors import HarnessError
 from harness.estimators.constant import Constant
+from harness.estimators.images import Images
 from harness.estimators.mitsuba import Mitsuba
-from harness.estimators.stored import Stored
 from harness.estimators.tracer import Tracer
 from harness.files import data_dir
 from harness.gates import load_gates
@@ -77,7 +77,7 @@ class TestMeaning:
         gate = one_gate(tmp_path, MINIMAL.replace('"spheres"', '"sky.xml"')
                         + 'reference = { file = "truth.exr" }\nshader = "own.frag"\nglsl = "own"\n')
         assert gate.scene == SceneFile(tmp_path / "sky.xml")
-        assert gate.reference == Stored(tmp_path / "truth.exr")
+        assert gate.reference == Images((tmp_path / "truth.exr",))
         assert gate.test == Tracer("mixture", shader=tmp_path / "own.frag", folder=tmp_path / "own")
 
     def test_a_closed_form_is_a_colour(self, tmp_path: Path) -> None:
