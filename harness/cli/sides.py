@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from harness.cli.options import not_finite
 from harness.cli.output import log, progress
 from harness.errors import HarnessError
 from harness.estimators.base import Estimator, Renderer
@@ -75,7 +76,10 @@ def files_side(word: str) -> Side:
 def runs_side(estimator: Estimator, scene: SceneFile, replicas: int, spp: int) -> Side:
     """So many runs of an estimator. HarnessError as it says."""
     with estimator.open(scene) as renderer:
-        return drawn(renderer, estimator.name, replicas, spp)
+        side = drawn(renderer, estimator.name, replicas, spp)
+    if side.estimate.rejected:
+        log(f"warning: {side.name}: {not_finite(side.estimate.rejected)}")
+    return side
 
 
 def mitsuba_side(scene: SceneFile, samples: int, store: Store | None) -> Side:

@@ -56,10 +56,6 @@ class Command:
                                ) from None
         if not words:
             raise HarnessError("an empty command; write a program with {seed} and {out} among its arguments")
-        for name in sorted(asked):
-            if name not in WORDS:
-                raise HarnessError(f"command `{self.template}`: unknown '{{{name}}}'; allowed: "
-                                   f"{', '.join(f'{{{word}}}' for word in WORDS)}")
         for name in NEEDED:
             if name not in asked:
                 why = "or all runs are one" if name == "seed" else "or its image is not found"
@@ -73,12 +69,26 @@ class Command:
         return Path(shlex.split(self.template)[0]).name
 
     def check(self, scene: SceneFile) -> str:
-        """It is taken at its word."""
+        """It is taken at its word. HarnessError for a word in braces that stands for nothing, and for a parameter of
+        the scene that the program is not told of: it would render another scene."""
+        given = dict(scene.parameters)
+        asked = {name for word in shlex.split(self.template) for _, name, _, _ in Formatter().parse(word) if name}
+        for name in sorted(asked - given.keys()):
+            if name not in WORDS:
+                allowed = ", ".join(f"{{{word}}}" for word in (*WORDS, *given))
+                raise HarnessError(f"command `{self.template}`: unknown '{{{name}}}'; allowed: {allowed}")
+        for name in sorted(given.keys() - asked):
+            raise HarnessError(f"command `{self.template}`: the scene's parameter '{name}' does not reach it; pass "
+                               f"{{{name}}} on to the program")
         return ""
 
     @contextmanager
     def open(self, scene: SceneFile) -> Iterator[CommandRenderer]:
-        """Nothing runs before the first batch; images go to a folder that is gone in the end."""
+        """Nothing runs before the first batch; images go to a folder that is gone in the end.
+
+        HarnessError as `check`.
+        """
+        self.check(scene)
         with tempfile.TemporaryDirectory(prefix="harness-command-") as folder:
             yield CommandRenderer(self, scene, Path(folder))
 
@@ -135,7 +145,7 @@ class CommandRenderer:
 
     def _run(self, seed: int, spp: int, out: Path) -> None:
         values = {"scene": self._scene.path, "spp": spp, "seed": seed, "out": out, "width": self._film.width,
-                  "height": self._film.height}
+                  "height": self._film.height, **dict(self._scene.parameters)}
         arguments = [word.format(**values) for word in shlex.split(self._command.template)]
         with tempfile.TemporaryFile() as said:
             try:

@@ -121,7 +121,7 @@ def _gates(entry: _Table, defaults: _Table) -> Iterator[Gate]:
     merged = entry.over(defaults)
     scene = SceneFile(path, size=_size(merged))
     reference, reference_spp = _reference(merged)
-    for label, test in _judged(merged):
+    for label, test in _judged(merged, scene):
         files = len(test.files) if isinstance(test, Images) else 0
         yield Gate(
             name=f"{name}-{label}" if label else name, entry=name, scene=scene, reason=reason, test=test,
@@ -131,7 +131,7 @@ def _gates(entry: _Table, defaults: _Table) -> Iterator[Gate]:
             not_finite=merged.number("not_finite", low=0.0, high=1.0, or_low=True), origin=entry.origin())
 
 
-def _judged(table: _Table) -> Iterator[tuple[str, Estimator]]:
+def _judged(table: _Table, scene: SceneFile) -> Iterator[tuple[str, Estimator]]:
     """What a gate judges, each with what is added to the gate's name: nothing where there is one."""
     given = [key for key in _JUDGED if key in table.values and table.is_own(key)] or [
         key for key in _JUDGED if key in table.values]
@@ -148,7 +148,9 @@ def _judged(table: _Table) -> Iterator[tuple[str, Estimator]]:
                 yield "", _runs(table)
             else:
                 seconds = table.number("timeout", TIME_LIMIT, low=0.0, high=86_400.0)
-                yield "", Command(table.text("command"), seconds)
+                command = Command(table.text("command"), seconds)
+                command.check(scene)
+                yield "", command
         except HarnessError as error:
             raise error if str(error).startswith(f"{table.path}:") else table.error(given[0], str(error)) from None
         return

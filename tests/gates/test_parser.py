@@ -154,7 +154,7 @@ class TestRefusals:
         text = "\n".join(kept if key in kept else [*kept, key])
         assert refused(tmp_path, text).startswith(f"gates.toml:{line}: {message}")
 
-    @pytest.mark.parametrize("key", ["name", "scene", "strategy", "reason"])
+    @pytest.mark.parametrize("key", ["name", "scene", "reason"])
     def test_of_a_gate_that_lacks_a_key_points_to_the_gate(self, tmp_path: Path, key: str) -> None:
         text = "".join(line for line in MINIMAL.splitlines(keepends=True) if not line.startswith(key))
         assert refused(tmp_path, f"# one\n\n{text}") == f"gates.toml:3: '{key}' is missing"

@@ -184,7 +184,7 @@ class TestReference:
     def test_of_another_size_is_refused(self, tmp_path: Path) -> None:
         write_estimate(tmp_path / "truth.exr", Estimate.exact(np.full((20, 40, 3), 0.5)))
         gate = one_gate(tmp_path, GATES.replace("value = [0.5, 0.5, 0.5]", 'file = "truth.exr"'))
-        with pytest.raises(HarnessError, match="is 40 x 20 pixels, the gate 40 x 40; set 'size'"):
+        with pytest.raises(HarnessError, match="is 40 x 20, expected 40 x 40; render both at the same size"):
             run_gate(judging(gate, Noise()))
 
     def test_pseudo_batches_have_the_moments_of_the_batches(self) -> None:
