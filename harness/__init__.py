@@ -9,7 +9,8 @@ from typing import Any
 _HOMES = {
     "Batch": "harness.samples.estimate", "Estimate": "harness.samples.estimate",
     "HarnessError": "harness.errors", "MachineError": "harness.errors",
-    "Constant": "harness.estimators.constant", "Mitsuba": "harness.estimators.mitsuba",
+    "Command": "harness.estimators.command", "Constant": "harness.estimators.constant",
+    "Images": "harness.estimators.images", "Mitsuba": "harness.estimators.mitsuba",
     "Tracer": "harness.estimators.tracer",
     "Library": "harness.shader.library",
     "Scene": "harness.scene", "SceneFile": "harness.scene", "load_scene": "harness.scene",

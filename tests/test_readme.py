@@ -131,14 +131,23 @@ class TestCommands:
         text = " ".join(capsys.readouterr().out.split())
         assert run(text.split("Example: `")[1].split("`")[0]) in (0, 1), capsys.readouterr().err
 
-    def test_the_python_example_runs(self, brief: None, capsys: pytest.CaptureFixture[str]) -> None:
-        program, = blocks("python")
-        smaller = {'.xml"': '.xml", width=16, height=12', "spp=256": "spp=8", "replicas=4": "replicas=2"}
+    @pytest.mark.parametrize(("number", "smaller", "told"), [
+        (0, {'.xml"': '.xml", width=16, height=12', "spp=256": "spp=8", "replicas=4": "replicas=2"},
+         ["uniform", "mixture"]),
+        (1, {"size=(96, 72)": "size=(16, 12)", "spp=64": "spp=8", "replicas=4": "replicas=2"},
+         ["mixture", "mitsuba bsdf_path"])])
+    def test_the_python_examples_run(
+        self, brief: None, capsys: pytest.CaptureFixture[str], number: int, smaller: dict[str, str], told: list[str],
+    ) -> None:
+        programs = blocks("python")
+        assert len(programs) == 2
+        program = programs[number]
         for option, less in smaller.items():
             assert option in program
             program = program.replace(option, less)
         exec(compile(program, "README.md", "exec"), {})
-        assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["uniform", "mixture"]
+        lines = capsys.readouterr().out.splitlines()
+        assert all(line.startswith(name) for line, name in zip(lines, told, strict=True))
 
     def test_the_make_targets_exist(self) -> None:
         targets = set(re.findall(r"^([a-z]+):.*## ", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))

@@ -100,7 +100,7 @@ def drawn(renderer: Renderer, name: str, replicas: int, spp: int, *, facts: Mapp
           stored: StoredRuns | None = None) -> Side:
     """So many runs, each a batch; or the whole answer where the renderer has it from the beginning."""
     run = run_of(renderer, spp)
-    with progress(replicas * run.spp, name) as advance:
+    with np.errstate(invalid="ignore"), progress(replicas * run.spp, name) as advance:  # of pixels warned of
         run.grow(replicas, advance)
     estimate = run.estimate()
     runs = run.replicas if isinstance(run, Run) else max(estimate.batches, 1)

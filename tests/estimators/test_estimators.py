@@ -16,8 +16,8 @@ from harness.errors import HarnessError
 from harness.estimators.base import Estimator
 from harness.estimators.constant import Constant
 from harness.estimators.held import OneAtATime
+from harness.estimators.images import Images
 from harness.estimators.mitsuba import Mitsuba
-from harness.estimators.stored import Stored
 from harness.estimators.tracer import Tracer
 from harness.gpu.renderer import TracerRenderer
 from harness.reference.renderer import ReferenceRenderer
@@ -31,7 +31,7 @@ SCENE = SceneFile.bundled("furnace_convex", (8, 6))
 LINE = ("lib/phong.glsl", "return m.kd;", "return m.ks;")
 ESTIMATORS = [Tracer(), Tracer("cosine", OURS.with_line(*LINE)), Tracer(without=("lens",)),
               Tracer(shader=Path("own.frag"), folder=Path("own")), Mitsuba(), Mitsuba("path", 3, "llvm_ad_spectral"),
-              Constant((0.5, 0.25, 1.0)), Stored(Path("truth.exr"))]
+              Constant((0.5, 0.25, 1.0)), Images((Path("truth.exr"),))]
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=repr)
@@ -77,9 +77,9 @@ def test_a_constant_is_one_colour_of_the_films_size() -> None:
 def test_a_stored_image_is_what_is_in_the_file_and_of_the_scenes_size(tmp_path: Path) -> None:
     image = np.linspace(0, 1, 6 * 8 * 3).reshape(6, 8, 3).astype(np.float32)
     write_estimate(tmp_path / "truth.exr", Estimate.exact(image))
-    with Stored(tmp_path / "truth.exr").open(SCENE) as renderer:
+    with Images((tmp_path / "truth.exr",)).open(SCENE) as renderer:
         np.testing.assert_array_equal(renderer.render_batch(0, 0, 1).mean, image)
-    with pytest.raises(HarnessError, match="8 x 6 pixels, the gate 9 x 6"), Stored(tmp_path / "truth.exr").open(
+    with pytest.raises(HarnessError, match="is 8 x 6, expected 9 x 6"), Images((tmp_path / "truth.exr",)).open(
             SCENE.sized(9, 6)):
         pass
 
