@@ -77,7 +77,7 @@ class _Lane:
         began = time.perf_counter()
         batch = self._renderer.render_batch(1, round_number * self._spp, self._spp)
         wall = time.perf_counter() - began
-        self.cpu.append(self._pixels * self._spp / batch.cpu_seconds)
+        self.cpu.append(self._pixels * self._spp / batch.cost.seconds)
         self.wall.append(self._pixels * self._spp / wall)
         self._samples.add(batch)
 

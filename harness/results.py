@@ -21,8 +21,9 @@ class StrategyResult:
 
     `spp`: (P,) samples per pixel of each prefix. `curves`: by name each metric of `harness.metrics` that is measured
     at prefixes, (R, P), of each replica's prefix against the reference. `estimate` merges all replicas; `scores`: by
-    name every other metric, of that merged estimate. `cpu_seconds_per_spp`: process
-    CPU time for one sample per pixel of the whole image, the median over batches. `suits` is False where the
+    name every other metric, of that merged estimate. `seconds_per_spp`: for one
+    sample per pixel of the whole image, the median over batches, by the clock that counts on `device`; NaN where the
+    batches come from several. `suits` is False where the
     strategy cannot reach some light (then `warning` says which), and its verdict does not count against the tracer.
     `verdict` is that on the image's mean, `tiles` those on its parts.
     """
@@ -37,7 +38,8 @@ class StrategyResult:
     verdict: MeanErrorVerdict
     tiles: Tiles
     slope: Slope | None  # None where the strategy has no variance to converge from
-    cpu_seconds_per_spp: float
+    seconds_per_spp: float
+    device: str
 
     @property
     def outcome(self) -> Outcome:

@@ -21,6 +21,7 @@ from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import FEATURES, Tracer
 from harness.files import data_dir
 from harness.results import BenchRow
+from harness.samples.cost import Cost
 from harness.samples.estimate import Batch
 from harness.scene import SceneFile, load_scene
 from tests.support.fakes import NoiseRenderer
@@ -31,9 +32,9 @@ ROW = BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.5, oppone
 
 
 class Paced(NoiseRenderer):
-    """Noise at a known price: `cost` CPU seconds for one sample of each pixel, `growth` times more in each round."""
+    """Noise at a known price: `price` CPU seconds for one sample of each pixel, `growth` times more in each round."""
 
-    cost: float
+    price: float
     sigma_per_sample: float
     growth = 1.1
 
@@ -47,15 +48,16 @@ class Paced(NoiseRenderer):
                      advance: Callable[[float], None] | None = None) -> Batch:
         batch = super().render_batch(replica, start, count, advance)
         rounds = sum(replica == 1 for replica, _, _ in self.calls)
-        return dataclasses.replace(batch, cpu_seconds=count * self.cost * self.growth**max(rounds - 1, 0))
+        seconds = count * self.price * self.growth**max(rounds - 1, 0)
+        return dataclasses.replace(batch, cost=Cost(seconds, seconds, None, "cpu: test", "cpu"))
 
 
 class OurPace(Paced):
-    cost, sigma_per_sample = 0.01, 0.6
+    price, sigma_per_sample = 0.01, 0.6
 
 
 class MitsubasPace(Paced):
-    cost, sigma_per_sample = 0.06, 0.3
+    price, sigma_per_sample = 0.06, 0.3
 
 
 @pytest.fixture
@@ -87,7 +89,7 @@ class TestRun:
         assert (row.scene, row.strategy, row.opponent, row.needed) == ("diffuse", "cosine", "path", 5.0)
         assert row.ratio == pytest.approx(6.0)
         assert (row.low, row.high) == pytest.approx((6.0, 6.0))
-        assert row.tracer_rate == pytest.approx(paced[0].pixels / OurPace.cost / OurPace.growth / 1e6), "a median"
+        assert row.tracer_rate == pytest.approx(paced[0].pixels / OurPace.price / OurPace.growth / 1e6), "a median"
         assert row.tracer_rate / row.opponent_rate == pytest.approx(6.0)
 
     def test_the_spread_is_of_the_rounds_ratios(self, paced: list[Paced], monkeypatch: pytest.MonkeyPatch) -> None:

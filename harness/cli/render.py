@@ -141,17 +141,19 @@ def _render(estimator: Estimator, file: SceneFile, target: Path, asked: Asked, l
     if asked.json:
         print_json({"output": target, **facts, "size": [width, height], **_numbers(result)})
     else:
-        print(f"{target}: {width} x {height}, {asked.spp} spp, {_speed(result):.3g} million samples a CPU second")
+        print(f"{target}: {width} x {height}, {asked.spp} spp, {_speed(result):.3g} million samples a "
+              f"{result.cost.clock.upper()} second")
 
 
 def _numbers(result: Estimate) -> dict[str, Any]:
     return {
         "mean": dict(zip(CHANNELS, result.image_mean, strict=True)),
         "standard_error": dict(zip(CHANNELS, result.image_variance**0.5, strict=True)),
-        "batches": result.batches, "rejected": result.rejected, "cpu_seconds": result.cpu_seconds,
+        "batches": result.batches, "rejected": result.rejected, "seconds": result.cost.seconds,
+        "device": result.cost.device, "clock": result.cost.clock,
     }
 
 
 def _speed(result: Estimate) -> float:
     height, width = result.mean.shape[:2]
-    return width * height * result.samples / max(result.cpu_seconds, 1e-9) / 1e6
+    return width * height * result.samples / max(result.cost.seconds, 1e-9) / 1e6

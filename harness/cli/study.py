@@ -127,7 +127,8 @@ def _as_json(result: StudyResult) -> dict[str, Any]:
         "strategies": [{
             "strategy": item.strategy, "suits": item.suits, "warning": item.warning, "spp": item.spp,
             **item.curves, "slope": item.slope, "outcome": item.outcome, "verdict": item.verdict,
-            "tiles": item.tiles, **item.scores, "cpu_seconds_per_spp": item.cpu_seconds_per_spp,
+            "tiles": item.tiles, **item.scores, "seconds_per_spp": item.seconds_per_spp,
+            "device": item.device,
             "rejected": item.estimate.rejected,
         } for item in result.strategies],
     }
@@ -140,7 +141,7 @@ def _print(result: StudyResult) -> None:
 
     table = Table(box=None, pad_edge=False)
     headings = [metric.heading for metric in shown_in("study")]
-    for heading in ("strategy", "mean error", "interval", "verdict", *headings, "slope", "interval", "CPU s/spp"):
+    for heading in ("strategy", "mean error", "interval", "verdict", *headings, "slope", "interval", "s/spp", "device"):
         table.add_column(heading, justify="left" if heading in ("strategy", "verdict") else "right")
     for item in result.strategies:
         table.add_row(item.strategy, *_cells(item))
@@ -161,5 +162,5 @@ def _cells(item: StrategyResult) -> tuple[str, ...]:
         f"{error:+.3%}", f"{low:+.3%} to {high:+.3%}", verdict.outcome if item.suits else f"({verdict.outcome})",
         *(metric.text(item.score(metric.name)) for metric in shown_in("study")),
         f"{slope.slope:.3f}" if slope else "exact", f"{slope.low:.3f} to {slope.high:.3f}" if slope else "",
-        f"{item.cpu_seconds_per_spp:.3g}",
+        f"{item.seconds_per_spp:.3g}", item.device,
     )

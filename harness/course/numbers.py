@@ -228,7 +228,7 @@ def convergence(store: Store | None) -> Exhibit:
     slow, fast = result.strategies
     ratios = (slow.curves["rmse"][:, -1] / fast.curves["rmse"][:, -1]) ** 2
     mean, low, high = (float(bound[0]) for bound in band(ratios[:, None], 0.95, geometric=True))
-    time = mean * slow.cpu_seconds_per_spp / fast.cpu_seconds_per_spp
+    time = mean * slow.seconds_per_spp / fast.seconds_per_spp
     series = tuple(Series(s.strategy, s is fast, s.spp.astype(float), s.curves["rmse"].mean(axis=0))
                    for s in (slow, fast))
     finding = Finding("equal error", "samples to the same RMSE, over those of uniform sampling", "more than 1",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import resource
 import shlex
 import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from string import Formatter
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from harness.errors import HarnessError
 from harness.progress import Advance
+from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
 from harness.samples.readers import read_image
 from harness.samples.traits import Traits
@@ -118,7 +120,11 @@ class CommandRenderer:
         if start:
             raise HarnessError(f"`{self._command.name}` draws whole runs; samples from {start} on cannot be had alone")
         seed, out = replica + FIRST_SEED, self._folder / f"run-{replica}{self._command.suffix}"
+        watch, before = Watch(), resource.getrusage(resource.RUSAGE_CHILDREN)
         self._run(seed, count, out)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+        cost = replace(watch.cost(cpu()), cpu=spent)
         if not out.is_file():
             raise self._error("wrote no file to {out}; let it write the image there")
         image = read_image(out).pixels
@@ -132,7 +138,7 @@ class CommandRenderer:
         rejected = int((~finite).sum()) * count
         if advance is not None:
             advance(count)
-        return Batch(np.where(finite[..., None], image, 0).astype(np.float32), count, rejected)
+        return Batch(np.where(finite[..., None], image, 0).astype(np.float32), count, rejected, cost)
 
     def _require_another(self, seed: int, image: np.ndarray) -> None:
         """Two seeds that give one image, unless it is without noise at all."""

@@ -17,6 +17,7 @@ from harness.errors import HarnessError, StoreError
 from harness.estimators.independence import duplicate, require_independent
 from harness.files import PARTIAL_PREFIX
 from harness.progress import Advance
+from harness.samples.cost import total as total_cost
 from harness.samples.estimate import Batch, Estimate
 from harness.samples.readers import SUFFIXES, ReadImage, read_image
 from harness.samples.traits import Traits
@@ -206,7 +207,7 @@ def _pooled(images: Sequence[ReadImage]) -> Estimate | None:
     merged = Estimate(summed("mean", 1), summed("variance", 2), summed("luminance_variance", 2),
                       summed("image_mean", 1), summed("image_variance", 2), int(samples.sum()), freedom + 1)
     return replace(merged, rejected=sum(estimate.rejected for estimate in estimates),
-                   cpu_seconds=sum(estimate.cpu_seconds for estimate in estimates))
+                   cost=total_cost(estimate.cost for estimate in estimates))
 
 
 def shared(ours: StoredRuns, theirs: StoredRuns) -> tuple[str, str] | None:

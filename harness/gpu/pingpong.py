@@ -52,6 +52,7 @@ class PingPong:
         self._framebuffers = [gl.framebuffer([texture]) for texture in self._textures]
         self.max_samples = max(1, min(MAX_SAMPLES_PER_PASS, device().max_iterations // iterations))
         self._draw_work = FIRST_DRAW
+        self.gpu_seconds = 0.0  # of all draws so far, where the device has a clock of its own
         self._compiled = False  # drivers compile in the first draw, whose time tells nothing
 
     def total(self, replica: int, start: int, count: int, advance: Callable[[float], None] | None) -> np.ndarray:
@@ -105,13 +106,20 @@ class PingPong:
 
     def _timed_draw(self, gl: moderngl.Context, work: int) -> None:
         began, busy = time.perf_counter(), time.process_time()
-        self._program.draw()
-        gl.finish()
-        seconds, busy = time.perf_counter() - began, time.process_time() - busy
-        if device().clock != "cpu":
-            busy = seconds  # the process waits meanwhile; a device that is stuck is reset by its driver
-        # Of a process that was stopped for a while (Ctrl-Z, a laptop asleep) the clock alone tells nothing.
-        if self._compiled and min(seconds, busy) > max(STUCK_SECONDS, work / STUCK_RATE):
+        if device().clock == "gpu":
+            query = gl.query(time=True)
+            with query:
+                self._program.draw()
+            spent = query.elapsed * 1e-9  # waits for the draw, in which this process is idle
+            self.gpu_seconds += spent
+            seconds = time.perf_counter() - began
+        else:
+            self._program.draw()
+            gl.finish()
+            seconds = time.perf_counter() - began
+            # Of a process that was stopped for a while (Ctrl-Z, a laptop asleep) the clock alone tells nothing.
+            spent = min(seconds, time.process_time() - busy)
+        if self._compiled and spent > max(STUCK_SECONDS, work / STUCK_RATE):
             raise ShaderError(f"{self._source.files[0][0]}: {work} samples took {seconds:.1f} s, as with a loop "
                               "without end; give each loop a bound that ends it")
         self._compiled = True

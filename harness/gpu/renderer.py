@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.gpu.context import describe_gl
+from harness.gpu.context import describe_gl, device
 from harness.gpu.pingpong import PingPong
 from harness.gpu.samplers import Samplers
+from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest, digest
 from harness.samples.traits import Traits
@@ -64,11 +64,16 @@ class TracerRenderer:
         if count < 1 or start < 0 or start + count > SEEDS or not 0 <= replica < SEEDS:
             raise HarnessError(f"samples and replicas are numbered from 0 to {SEEDS - 1}, found {count} samples from "
                                f"{start} of replica {replica}; ask for at least one, and none beyond")
-        began = time.process_time()
+        watch, drawn = Watch(), self._pingpong.gpu_seconds
         total, counted = NATIVE.sums(self._pingpong.total(replica, start, count, advance), count)
         mean = np.divide(total, counted, out=np.zeros_like(total), where=counted > 0)
         rejected = count * self.scene.width * self.scene.height - int(counted.sum())
-        return Batch(mean.astype(np.float32), count, rejected, time.process_time() - began)
+        used = device()
+        if used.clock == "cpu":
+            cost = watch.cost(f"{used.name}, {cpu()}")
+        else:
+            cost = watch.cost(used.name, self._pingpong.gpu_seconds - drawn, "gpu")
+        return Batch(mean.astype(np.float32), count, rejected, cost)
 
     def release(self) -> None:
         """Free the GL objects; the renderer must not be used afterwards."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable
 from importlib import metadata
 from typing import Any
@@ -13,6 +12,7 @@ from harness.errors import HarnessError
 from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, import_mitsuba, use_reference_variant
 from harness.reference.motion import MovingShapes, moment, moments, samples_per_moment
 from harness.reference.prepare import Prepared, prepare, reason
+from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest
 from harness.samples.traits import Traits
@@ -110,9 +110,9 @@ class ReferenceRenderer:
         use_reference_variant(self.variant)
         if self._prepared is None:
             self._instantiate()
-        began = time.process_time()
+        watch = Watch()
         mean, rejected = average(self._calls(replica, start, count, advance))
-        return Batch(mean.astype(np.float32), count, rejected, time.process_time() - began)
+        return Batch(mean.astype(np.float32), count, rejected, watch.cost(cpu()))
 
     def release(self) -> None:
         """Let go of Mitsuba's scene; the next batch instantiates it again.

@@ -128,11 +128,11 @@ def _score_words(scores: Sequence[Metric]) -> str:
 
 
 def cost_table(result: StudyResult, equal: EqualError) -> Table:
-    """What equal error costs: samples and CPU time of each strategy, and how many times less than the baseline."""
+    """What equal error costs: samples and time of each strategy, and how many times less than the baseline."""
     costs = {cost.strategy.strategy: cost for cost in equal.costs}
     rows: list[tuple[Cell, ...]] = []
     for strategy in result.strategies:
-        head = (strategy_cell(strategy), Cell(formats.duration(strategy.cpu_seconds_per_spp)))
+        head = (strategy_cell(strategy), Cell(formats.duration(strategy.seconds_per_spp)))
         cost = costs.get(strategy.strategy)
         if cost is None:
             word = "not suited" if not strategy.suits else "exact" if is_exact(strategy) else "not fitted"
@@ -143,19 +143,20 @@ def cost_table(result: StudyResult, equal: EqualError) -> Table:
                  for gain in (cost.variance_ratio, cost.sample_gain, cost.time_gain)]
         needed = formats.NBSP.join(formats.spread(cost.spp.value, cost.spp.low, cost.spp.high))
         rows.append((*head, Cell(gains[0]), Cell(needed.rstrip(formats.NBSP)),
-                     Cell(formats.duration(cost.cpu_seconds.value)), *(Cell(gain) for gain in gains[1:])))
+                     Cell(formats.duration(cost.seconds.value)), *(Cell(gain) for gain in gains[1:])))
     caption = (
-        f"What equal error costs: samples and CPU time with which each strategy reaches an RMSE of "
+        f"What equal error costs: samples and time with which each strategy reaches an RMSE of "
         f"{formats.significant(equal.rmse)}, the largest that a suitable strategy still has at the end of its run; "
         f"and how many times less that is than {equal.baseline} needs (above 1: cheaper). Beside it the ratio of the "
         "variances of one sample, measured at the end of the runs; fewer samples are that ratio where both converge "
         f"with slope {formats.MINUS}1/2. Intervals over replicas at "
         f"{_slope_confidence(equal)} confidence, the replicas of two strategies taken as independent; the fitted power "
-        "laws are solved for the error, and the CPU time of one sample is taken as exact.")
-    columns = (Column("Strategy", share=1), Column("CPU time of\n1 sample/pixel", "right"),
+        "laws are solved for the error, and the time of one sample is taken as exact. Times "
+        "are by the clock that counts on the device, the CPU's or the GPU's.")
+    columns = (Column("Strategy", share=1), Column("Time of\n1 sample/pixel", "right"),
                Column(f"Variance of\n{equal.baseline} / own", "right"), Column("Samples per pixel\nneeded", "right"),
-               Column("CPU time\nneeded", "right"), Column(f"Fewer samples\nthan {equal.baseline}", "right"),
-               Column(f"Less CPU time\nthan {equal.baseline}", "right"))
+               Column("Time\nneeded", "right"), Column(f"Fewer samples\nthan {equal.baseline}", "right"),
+               Column(f"Less time\nthan {equal.baseline}", "right"))
     return Table(caption, columns, tuple(rows))
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+
+from harness.samples.cost import Cost
 
 # Rec.709 luminance weights (ITU-R BT.709-6, section 3), for linear RGB.
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -24,13 +26,13 @@ class Batch:
     radiance is `mean * samples` in float64: rounding one batch's mean to float32 moves it by at most 6e-8 relative,
     far below the noise of any batch, and a batch read back from disk equals the batch that was rendered.
     `rejected` counts samples over the whole image that were not finite and so left out of the mean.
-    `cpu_seconds` is the process CPU time that the batch took.
+    `cost`: what it took, and on which device.
     """
 
     mean: np.ndarray
     samples: int
     rejected: int = 0
-    cpu_seconds: float = 0.0
+    cost: Cost = field(default_factory=Cost.unknown)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,7 @@ class Estimate:
     samples: int
     batches: int
     rejected: int = 0
-    cpu_seconds: float = 0.0
+    cost: Cost = field(default_factory=Cost.unknown)
 
     @classmethod
     def exact(cls, mean: np.ndarray) -> Estimate:
@@ -73,7 +75,7 @@ class Accumulator:
         self.samples = 0
         self.batches = 0
         self.rejected = 0
-        self.cpu_seconds = 0.0
+        self._cost: Cost | None = None
         self._mean = self._m2 = np.zeros(())  # (H, W, 4): red, green, blue, luminance
         self._image_m2 = np.zeros(4)
 
@@ -90,7 +92,7 @@ class Accumulator:
         self.samples += batch.samples
         self.batches += 1
         self.rejected += batch.rejected
-        self.cpu_seconds += batch.cpu_seconds
+        self._cost = batch.cost if self._cost is None else self._cost + batch.cost
         before = value - self._mean
         self._mean += before * (batch.samples / self.samples)
         after = value - self._mean
@@ -109,7 +111,8 @@ class Accumulator:
         scale = 1.0 / ((self.batches - 1) * self.samples) if self.batches > 1 else np.nan
         variance = self._m2 * scale
         return Estimate(self.mean, variance[..., :3], variance[..., 3], self._mean.mean((0, 1)),
-                        self._image_m2 * scale, self.samples, self.batches, self.rejected, self.cpu_seconds)
+                        self._image_m2 * scale, self.samples, self.batches, self.rejected,
+                        self._cost or Cost.unknown())
 
 
 def merge(batches: Iterable[Batch]) -> Estimate:

@@ -11,7 +11,7 @@ import tempfile
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ import OpenEXR
 
 from harness.errors import StoreError
 from harness.files import write_atomically
+from harness.samples.cost import Cost
 from harness.samples.estimate import Batch, Estimate, luminance
 
 Value = str | int | float
@@ -54,7 +55,7 @@ def write_estimate(path: str | Path, estimate: Estimate, metadata: Mapping[str, 
         layers = (*np.moveaxis(estimate.variance, -1, 0), estimate.luminance_variance)
         channels |= dict(zip(_VARIANCES, layers, strict=True))
     facts = {"samples": estimate.samples, "batches": estimate.batches, "rejected": estimate.rejected,
-             "cpu_seconds": estimate.cpu_seconds, "image_mean": estimate.image_mean.tolist(),
+             "cost": asdict(estimate.cost), "image_mean": estimate.image_mean.tolist(),
              "image_variance": estimate.image_variance.tolist()}
     _write(Path(path), channels, {**(metadata or {}), _ESTIMATE: json.dumps(facts)})
 
@@ -102,14 +103,14 @@ def _estimate(path: Path, channels: Mapping[str, np.ndarray], metadata: dict[str
         image_mean = np.append(mean.mean((0, 1)), luminance(mean).mean())
         return Estimate(mean, np.full_like(mean, np.nan), np.full(mean.shape[:2], np.nan), image_mean,
                         np.full(4, np.nan), samples=spp if isinstance(spp, int) else 0, batches=1), metadata
-    facts = _facts(path, text, ("samples", "batches", "rejected", "cpu_seconds", "image_mean", "image_variance"))
+    facts = _facts(path, text, ("samples", "batches", "rejected", "cost", "image_mean", "image_variance"))
     if _VARIANCES[0] in channels:
         variance = _stack(path, channels, _VARIANCES)
     else:
         variance = np.full((*mean.shape[:2], 4), np.nan)
     return Estimate(mean, variance[..., :3], variance[..., 3], np.array(facts["image_mean"], dtype=np.float64),
                     np.array(facts["image_variance"], dtype=np.float64), samples=facts["samples"],
-                    batches=facts["batches"], rejected=facts["rejected"], cpu_seconds=facts["cpu_seconds"]), metadata
+                    batches=facts["batches"], rejected=facts["rejected"], cost=facts["cost"]), metadata
 
 
 def write_batch(path: str | Path, batch: Batch, metadata: Mapping[str, Any] | None = None, *,
@@ -118,7 +119,7 @@ def write_batch(path: str | Path, batch: Batch, metadata: Mapping[str, Any] | No
 
     `compact`: in two thirds of the room, for readers that know OpenEXR 3.4 (2025) or newer.
     """
-    facts = {"samples": batch.samples, "rejected": batch.rejected, "cpu_seconds": batch.cpu_seconds}
+    facts = {"samples": batch.samples, "rejected": batch.rejected, "cost": asdict(batch.cost)}
     channels = dict(zip(_COLOURS, np.moveaxis(batch.mean, -1, 0), strict=True))
     # Lossless JPEG 2000: of batches of 32 samples and more it leaves 64 %, where ZIP leaves 87 and Zstandard 73. One of
     # 170 x 170 pixels takes 4.6 ms of CPU time to write (1.3 ms without compression), and 150 to 440 ms to draw.
@@ -132,9 +133,9 @@ def read_batch(path: str | Path) -> Batch:
     channels, metadata, _ = _read(path)
     if _BATCH not in metadata:
         raise StoreError(f"{path}: not a batch, it lacks the attribute '{_BATCH}'; remove it and render again")
-    facts = _facts(path, metadata[_BATCH], ("samples", "rejected", "cpu_seconds"))
+    facts = _facts(path, metadata[_BATCH], ("samples", "rejected", "cost"))
     return Batch(_stack(path, channels, _COLOURS).astype(np.float32), facts["samples"], facts["rejected"],
-                 facts["cpu_seconds"])
+                 facts["cost"])
 
 
 def _write(path: Path, channels: Mapping[str, np.ndarray], metadata: Mapping[str, Any],
@@ -208,6 +209,7 @@ def _stack(path: Path, channels: Mapping[str, np.ndarray], names: tuple[str, ...
 def _facts(path: Path, text: Value, names: tuple[str, ...]) -> dict[str, Any]:
     try:
         facts = json.loads(str(text))
+        facts["cost"] = Cost(**facts["cost"])
         return {name: facts[name] for name in names}
     except (ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{path}: written by another version of this harness; render it again") from error

@@ -101,7 +101,7 @@ class Store:
         batch = self.get(key, replica, start, count)
         if batch is None:
             fresh = render()
-            batch = Batch(fresh.mean.astype(np.float32), fresh.samples, fresh.rejected, fresh.cpu_seconds)
+            batch = Batch(fresh.mean.astype(np.float32), fresh.samples, fresh.rejected, fresh.cost)
             if keep:
                 self.put(key, replica, start, count, batch)
         return batch

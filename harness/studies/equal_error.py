@@ -1,7 +1,8 @@
-"""What equal error costs: samples and CPU time that each strategy needs to reach one RMSE, and the factors between."""
+"""What equal error costs: samples and time that each strategy needs to reach one RMSE, and the factors between."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from harness.results import StrategyResult, StudyResult
@@ -13,7 +14,7 @@ BASELINE = "uniform"
 
 @dataclass(frozen=True)
 class Cost:
-    """What one strategy pays for the common error: samples per pixel and CPU seconds, and the baseline's over its own.
+    """What one strategy pays for the common error: samples per pixel and seconds, and the baseline's over its own.
 
     `sample_gain`, `time_gain`: how many times less than the baseline it needs; `variance_ratio`: the baseline's
     variance of one sample over its own, which `sample_gain` equals where both converge as N^(-1/2); None for the
@@ -22,7 +23,7 @@ class Cost:
 
     strategy: StrategyResult
     spp: Factor
-    cpu_seconds: Factor
+    seconds: Factor
     sample_gain: Factor | None
     time_gain: Factor | None
     variance_ratio: Factor | None
@@ -42,7 +43,7 @@ def equal_error(result: StudyResult) -> EqualError | None:
 
     The error is the largest that any of them still has at the end of its run, so that each reaches it within what
     was measured. The baseline is `uniform`, or the first strategy where that has no slope. Intervals have the
-    confidence of the slopes; CPU time per sample is taken as exact, its spread being far below that of the samples.
+    confidence of the slopes; time per sample is taken as exact, its spread being far below that of the samples.
     """
     fitted = [(s, s.slope) for s in result.strategies if s.suits and s.slope is not None and s.slope.points >= 2]
     if len(fitted) < 2:
@@ -52,16 +53,18 @@ def equal_error(result: StudyResult) -> EqualError | None:
              for strategy, slope in fitted}
     baseline = next((strategy for strategy, _ in fitted if strategy.strategy == BASELINE), fitted[0][0])
     samples = needs[baseline.strategy]
-    seconds = samples.times(baseline.cpu_seconds_per_spp)
+    seconds = samples.times(baseline.seconds_per_spp)
     costs = []
     for strategy, slope in fitted:
         own = needs[strategy.strategy]
-        time = own.times(strategy.cpu_seconds_per_spp)
+        same = strategy.device == baseline.device  # seconds of two devices have no ratio
+        time = own.times(strategy.seconds_per_spp)
         if strategy is baseline:
             costs.append(Cost(strategy, own, time, None, None, None))
             continue
         variances = [sample_variance(s.spp, s.curves["rmse"], slope.confidence) for s in (baseline, strategy)]
-        costs.append(Cost(strategy, own, time, samples.over(own), seconds.over(time), variances[0].over(variances[1])))
+        faster = seconds.over(time if same else own.times(math.nan))
+        costs.append(Cost(strategy, own, time, samples.over(own), faster, variances[0].over(variances[1])))
     return EqualError(target, baseline.strategy, tuple(costs))
 
 

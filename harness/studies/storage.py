@@ -25,7 +25,7 @@ from harness.stats.convergence import Slope
 from harness.stats.findings import TileFinding, Tiles
 
 STUDY_FILE = "study.json"
-FORMAT = 3  # raised when files written before can no longer be read; 1 had no tiles, 2 a field a metric
+FORMAT = 4  # raised when files written before can no longer be read; 1 no tiles, 2 a field a metric, 3 no device
 
 # `_image_name` makes these; files of other names in the folder are left alone.
 _IMAGE = re.compile(r"[a-z0-9_-]+\.[0-9a-f]{12}\.exr")
@@ -82,7 +82,7 @@ def _image_name(role: str, estimate: Estimate) -> str:
     digest = hashlib.sha256()
     for array in (estimate.mean, estimate.variance, estimate.image_mean, estimate.image_variance):
         digest.update(np.ascontiguousarray(array).tobytes())
-    facts = (estimate.samples, estimate.batches, estimate.rejected, estimate.cpu_seconds)
+    facts = (estimate.samples, estimate.batches, estimate.rejected, estimate.cost)
     digest.update(repr(facts).encode())
     return f"{re.sub(r'[^a-z0-9_-]', '_', role.lower())}.{digest.hexdigest()[:12]}.exr"
 
@@ -145,7 +145,7 @@ def _strategy(held: Mapping[str, Any], estimate: Estimate) -> StrategyResult:
         verdict=_verdict(held["verdict"]),
         tiles=Tiles(_finding(held["tiles"]["coarse"]), _finding(held["tiles"]["fine"])),
         slope=None if held["slope"] is None else _slope(held["slope"]),
-        cpu_seconds_per_spp=float(held["cpu_seconds_per_spp"]))
+        seconds_per_spp=float(held["seconds_per_spp"]), device=str(held["device"]))
 
 
 def _verdict(held: Mapping[str, Any]) -> MeanErrorVerdict:

@@ -16,6 +16,7 @@ from harness.estimators.tracer import Tracer
 from harness.policy import CONFIDENCE, TOLERANCE, fail_level, judge, tolerance_for, tolerances
 from harness.progress import Advance, Progress, quiet
 from harness.results import StrategyResult, StudyResult
+from harness.samples.cost import Cost
 from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminance
 from harness.samples.store import Store
 from harness.scene import Film, Scene, SceneFile, describe, file_of, load
@@ -171,7 +172,7 @@ class _Replicas:
         self.curves: list[list[dict[str, float]]] = []  # per replica, per prefix: metrics by name
         self.total = Accumulator()
         self.tiles = TileAccumulator(tile_size(scene.height, scene.width))
-        self.costs: list[tuple[int, float]] = []  # samples per pixel of each batch, CPU seconds for one of them
+        self.costs: list[tuple[int, Cost]] = []  # samples per pixel of each batch, and what they took
 
     def add_replica(self, store: Store | None, advance: Advance) -> None:
         prefix = Accumulator()
@@ -180,7 +181,7 @@ class _Replicas:
         def measured() -> Iterator[Batch]:  # batches pass through, so that no run is ever held whole
             for batch in batches(self.renderer, self.spp, replica=len(self.curves), store=store, advance=advance):
                 prefix.add(batch)
-                self.costs.append((batch.samples, batch.cpu_seconds / batch.samples))
+                self.costs.append((batch.samples, batch.cost))
                 if prefix.samples in self.prefixes:
                     curve.append(metrics.measure(prefix.mean, self.reference.estimate, self.scene.exposure,
                                                  at_prefixes=True))
@@ -199,6 +200,10 @@ class _Replicas:
                   for name in self.curves[0][0]}
         spp = np.array(self.prefixes)
         largest = max(samples for samples, _ in self.costs)
+        devices = {cost.device for _, cost in self.costs}
+        device = next(iter(devices)) if len(devices) == 1 else ""
+        seconds = float(np.median([cost.seconds / samples for samples, cost in self.costs if samples == largest])
+                        if device else np.nan)  # never across machines
         return StrategyResult(
             strategy=strategy.name, suits=strategy.suits, warning=strategy.warning, spp=spp,
             curves=curves, scores=metrics.measure(merged.mean, reference, scene.exposure, at_prefixes=False),
@@ -208,7 +213,7 @@ class _Replicas:
             tiles=judge_tiles(self.tiles.samples(), self.reference.tiles, plan.tolerance, fail_level=plan.fail_level,
                               pass_level=1 - plan.confidence),
             slope=None if _is_exact(merged) or len(spp) < 3 else fit_slope(spp, curves["rmse"]),
-            cpu_seconds_per_spp=float(np.median([cost for samples, cost in self.costs if samples == largest])))
+            seconds_per_spp=seconds, device=device)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ class Record:
 
     `parameters`: of the scene, as (name, value). `replica`: None where the number is of all replicas together.
     `samples`: per pixel, all that went into it. `quantity`: a metric's name (see `harness.metrics`), or 'slope',
-    'smallest_detectable', 'cpu_seconds_per_spp', 'rejected' (samples of the whole image). `channel`: empty where it is
+    'smallest_detectable', 'seconds_per_spp', 'rejected' (samples of the whole image). `channel`: empty where it is
     of all. `low`, `high`: the interval, at the confidence of the study's verdicts; None where there is none. `n`: how
     many independent replicas it stands on. `device`: what drew the samples.
     """
@@ -45,7 +45,7 @@ def records(result: StudyResult) -> Iterator[Record]:
     """Every number of a study: for each strategy the points of its curves, then what all replicas say together."""
     for item in result.strategies:
         every = Record(result.scene, (), item.strategy, None, item.estimate.samples, "", "", math.nan, None, None,
-                       len(item.curves["rmse"]), result.provenance.get("gl_renderer", ""))
+                       len(item.curves["rmse"]), item.device)
         yield from _curves(every, item)
         yield from _merged(every, item)
 
@@ -88,5 +88,5 @@ def _merged(every: Record, item: StrategyResult) -> Iterator[Record]:
     if slope is not None:
         yield replace(every, samples=int(item.spp[-1]), quantity="slope", value=slope.slope, low=slope.low,
                       high=slope.high, n=slope.replicas)
-    yield replace(every, quantity="cpu_seconds_per_spp", value=item.cpu_seconds_per_spp)
+    yield replace(every, quantity="seconds_per_spp", value=item.seconds_per_spp)
     yield replace(every, quantity="rejected", value=float(item.estimate.rejected))

@@ -9,6 +9,7 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.estimators.base import Renderer
 from harness.progress import Advance
+from harness.samples.cost import total as total_cost
 from harness.samples.estimate import Accumulator, Batch, Estimate
 from harness.samples.store import Store, is_kept, schedule
 
@@ -67,4 +68,4 @@ def _merged(parts: Sequence[Batch]) -> Batch:
     samples = sum(part.samples for part in parts)
     total = sum(part.mean.astype(np.float64) * part.samples for part in parts)
     return Batch(np.asarray(total / samples), samples, sum(part.rejected for part in parts),
-                 sum(part.cpu_seconds for part in parts))
+                 total_cost(part.cost for part in parts))

@@ -14,6 +14,7 @@ from PIL import Image
 from harness.errors import MachineError
 from harness.files import data_dir
 from harness.gpu.renderer import TracerRenderer
+from harness.samples.cost import Cost
 from harness.samples.estimate import Batch
 from harness.samples.exr import read_estimate
 from harness.samples.tone import encode_srgb
@@ -156,7 +157,8 @@ def test_samples_that_were_not_finite_are_counted_aloud(
     harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, command: str,
 ) -> None:
     def broken(renderer: TracerRenderer, replica: int, start: int, count: int) -> Batch:
-        return Batch(np.full((12, 16, 3), 0.5, dtype=np.float32), count, rejected=7, cpu_seconds=0.1)
+        cost = Cost(0.1, 0.1, None, "cpu: test", "cpu")
+        return Batch(np.full((12, 16, 3), 0.5, dtype=np.float32), count, rejected=7, cost=cost)
 
     monkeypatch.setattr(TracerRenderer, "render_batch", broken)
     options = ("--replicas", 2, "--strategies", "mixture") if command == "study" else ()

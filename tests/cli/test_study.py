@@ -80,7 +80,7 @@ class TestJson:
             assert np.shape(item["rmse"]) == np.shape(item["ssim"]) == np.shape(item["mean_error"]) == (2, 4)
             assert item["outcome"] == item["verdict"]["outcome"] == "pass"
             assert [np.shape(item["tiles"][size]["z"]) for size in ("coarse", "fine")] == [(3, 4), (12, 16)]
-            assert item["cpu_seconds_per_spp"] > 0
+            assert item["seconds_per_spp"] > 0
 
     def test_names_a_strategy_once_however_often_it_was_asked_for(self, harness: Harness, sky: Path) -> None:
         answer = harness("study", sky, *BRIEF, "--strategies", " mixture , mixture,mixture", "--json").json
@@ -95,7 +95,7 @@ def test_a_metric_that_is_new_in_the_registry_is_shown(harness: Harness, sky: Pa
     assert item["largest_error"] == [[pytest.approx(0.1, abs=1e-4)] * 4] * 2 and item["share_off"] == 1.0
     heading, first, *_ = harness("study", sky, *given).out.splitlines()
     assert re.split(r"  +", heading)[4:] == ["RMSE", "SSIM", "largest error", "share off", "slope", "interval",
-                                             "CPU s/spp"]
+                                             "s/spp", "device"]
     assert re.split(r"  +", first)[6:8] == ["0.1", "1.00"]
 
 

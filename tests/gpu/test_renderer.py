@@ -233,7 +233,7 @@ def test_progress_is_reported_in_samples() -> None:
     renderer = TracerRenderer(busy(), "cosine")
     batch = renderer.render_batch(0, 0, 1100, told.append)
     assert sum(told) == batch.samples == 1100
-    assert batch.cpu_seconds > 0
+    assert batch.cost.seconds > 0
 
 
 def test_identity_names_what_a_batch_depends_on() -> None:

@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from harness.samples.cost import Cost
 from harness.samples.estimate import Accumulator, Batch, Estimate, luminance, merge
 
 UNEQUAL = (1, 1, 2, 4, 8, 16, 16, 5)
@@ -21,7 +22,8 @@ def random_batches(rng: np.random.Generator, sizes: tuple[int, ...] = UNEQUAL,
                    shape: tuple[int, int] = (3, 5)) -> tuple[list[Batch], list[np.ndarray]]:
     """Batches of gamma-distributed samples of shape (H, W, 3), and the samples themselves."""
     samples = [rng.gamma(2.0, 0.5, (n, *shape, 3)) for n in sizes]
-    return [Batch(s.mean(axis=0), n, rejected=1, cpu_seconds=0.5) for s, n in zip(samples, sizes, strict=True)], samples
+    cost = Cost(0.5, 0.5, None, "cpu: test", "cpu")
+    return [Batch(s.mean(axis=0), n, rejected=1, cost=cost) for s, n in zip(samples, sizes, strict=True)], samples
 
 
 def test_merging_equals_the_mean_of_all_samples(rng: np.random.Generator) -> None:
@@ -32,7 +34,7 @@ def test_merging_equals_the_mean_of_all_samples(rng: np.random.Generator) -> Non
     np.testing.assert_allclose(merged.mean, everything.mean(axis=0), rtol=1e-12)
     np.testing.assert_allclose(merged.image_mean[:3], everything.mean(axis=(0, 1, 2)), rtol=1e-12)
     np.testing.assert_allclose(merged.image_mean[3], luminance(everything).mean(), rtol=1e-12)
-    assert (merged.samples, merged.batches, merged.rejected, merged.cpu_seconds) == (53, 8, 8, 4.0)
+    assert (merged.samples, merged.batches, merged.rejected, merged.cost.seconds) == (53, 8, 8, 4.0)
 
 
 def test_variance_is_that_of_batch_means_weighted_by_samples(rng: np.random.Generator) -> None:

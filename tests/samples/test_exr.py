@@ -11,10 +11,12 @@ import OpenEXR
 import pytest
 
 from harness.errors import StoreError
+from harness.samples.cost import Cost
 from harness.samples.estimate import Batch, Estimate, merge
 from harness.samples.exr import read_batch, read_estimate, write_batch, write_estimate
 
 SHAPE = (5, 7)
+COST = Cost(0.2, 0.1, None, "cpu: test", "cpu")
 METADATA = {"strategy": "mixture", "spp": 24, "replica": 3, "exposure": -0.5, "scene.hash": "0123456789abcdef"}
 
 
@@ -25,12 +27,12 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture
 def batch(rng: np.random.Generator) -> Batch:
-    return Batch(rng.gamma(2.0, 0.5, (*SHAPE, 3)).astype(np.float32), 8, rejected=2, cpu_seconds=0.1)
+    return Batch(rng.gamma(2.0, 0.5, (*SHAPE, 3)).astype(np.float32), 8, rejected=2, cost=COST)
 
 
 @pytest.fixture
 def estimate(rng: np.random.Generator) -> Estimate:
-    return merge(Batch(rng.gamma(2.0, 0.5, (*SHAPE, 3)), 8, rejected=1, cpu_seconds=0.1) for _ in range(3))
+    return merge(Batch(rng.gamma(2.0, 0.5, (*SHAPE, 3)), 8, rejected=1, cost=COST) for _ in range(3))
 
 
 def foreign(path: Path, channels: dict[str, np.ndarray], **header: object) -> Path:
@@ -58,7 +60,7 @@ class TestEstimates:
             assert getattr(found, name).dtype == np.float64
         for name in ("image_mean", "image_variance"):
             np.testing.assert_array_equal(getattr(found, name), getattr(estimate, name), name)
-        for name in ("samples", "batches", "rejected", "cpu_seconds"):
+        for name in ("samples", "batches", "rejected", "cost"):
             assert getattr(found, name) == getattr(estimate, name)
         assert metadata == METADATA
 
@@ -101,7 +103,7 @@ class TestBatches:
         found = read_batch(tmp_path / "a.exr")
         np.testing.assert_array_equal(found.mean, batch.mean)
         assert found.mean.dtype == np.float32
-        assert (found.samples, found.rejected, found.cpu_seconds) == (8, 2, 0.1)
+        assert (found.samples, found.rejected, found.cost) == (8, 2, COST)
 
     @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (33, 2), (192, 256)])
     def test_compact_ones_keep_every_bit(

@@ -13,15 +13,17 @@ import numpy as np
 import pytest
 
 from harness.errors import HarnessError, StoreError
+from harness.samples.cost import Cost
 from harness.samples.estimate import Batch
 from harness.samples.store import LONGEST_BATCH, Store, schedule
 
 KEY = {"scene": "0123456789abcdef", "strategy": "mixture", "renderer": "glsl 1"}
+COST = Cost(0.5, 0.25, None, "cpu: test", "cpu")
 
 
 def batch(value: float = 0.5, samples: int = 4, side: int = 8) -> Batch:
     noise = np.random.default_rng(int(1000 * value)).random((side, side, 3))
-    return Batch((value + noise).astype(np.float32), samples, rejected=1, cpu_seconds=0.25)
+    return Batch((value + noise).astype(np.float32), samples, rejected=1, cost=COST)
 
 
 @pytest.fixture
@@ -76,7 +78,7 @@ class TestKeeping:
         found = store.get(KEY, 2, 64, 4)
         assert found is not None
         np.testing.assert_array_equal(found.mean, batch().mean)
-        assert (found.samples, found.rejected, found.cpu_seconds) == (4, 1, 0.25)
+        assert (found.samples, found.rejected, found.cost.seconds) == (4, 1, 0.25)
 
     @pytest.mark.parametrize(("key", "replica", "start", "count"), [
         ({**KEY, "scene": "fedcba9876543210"}, 2, 64, 4),

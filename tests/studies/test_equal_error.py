@@ -17,7 +17,7 @@ def power_law(strategy: StrategyResult, coefficient: float, seconds: float, spre
     """The strategy with RMSE = coefficient / sqrt(spp), its replicas `spread` apart (relative)."""
     factors = 1 + spread * np.linspace(-1, 1, strategy.curves["rmse"].shape[0])
     rmse = coefficient * factors[:, None] / np.sqrt(strategy.spp)[None, :]
-    return replace(with_curves(strategy, rmse=rmse), slope=fit_slope(strategy.spp, rmse), cpu_seconds_per_spp=seconds)
+    return replace(with_curves(strategy, rmse=rmse), slope=fit_slope(strategy.spp, rmse), seconds_per_spp=seconds)
 
 
 def test_exact_power_laws_give_exact_factors(study: StudyResult) -> None:
@@ -29,7 +29,7 @@ def test_exact_power_laws_give_exact_factors(study: StudyResult) -> None:
     base, other = found.costs
     assert base.sample_gain is None and base.time_gain is None
     assert base.spp.value == pytest.approx(uniform.spp[-1])
-    assert base.cpu_seconds.value == pytest.approx(0.01 * uniform.spp[-1])
+    assert base.seconds.value == pytest.approx(0.01 * uniform.spp[-1])
     assert other.spp.value == pytest.approx(uniform.spp[-1] / 9)
     assert other.sample_gain is not None and other.sample_gain.value == pytest.approx(9)
     assert other.time_gain is not None and other.time_gain.value == pytest.approx(4.5)
@@ -68,3 +68,13 @@ def test_only_suitable_strategies_with_a_slope_take_part(study: StudyResult, exa
 def test_the_first_strategy_is_the_baseline_where_uniform_is_missing(study: StudyResult) -> None:
     found = equal_error(replace(study, strategies=study.strategies[3:]))
     assert found is not None and found.baseline == "lobes"
+
+
+def test_seconds_of_two_devices_have_no_ratio(study: StudyResult) -> None:
+    uniform, cosine, *_ = study.strategies
+    slow, fast = power_law(uniform, 0.6, 0.01), replace(power_law(cosine, 0.2, 0.02), device="another")
+    found = equal_error(replace(study, strategies=(slow, fast)))
+    assert found is not None
+    gain, samples = found.costs[1].time_gain, found.costs[1].sample_gain
+    assert gain is not None and np.isnan(gain.value)
+    assert samples is not None and samples.value == pytest.approx(9)

@@ -73,7 +73,7 @@ def test_a_study_read_back_from_its_batches_is_the_same(scene: Scene, tmp_path: 
                           store=Store(tmp_path)).strategies[0] for _ in range(2))
     np.testing.assert_array_equal(first.curves["rmse"], again.curves["rmse"])
     np.testing.assert_array_equal(first.estimate.mean, again.estimate.mean)
-    assert first.cpu_seconds_per_spp == again.cpu_seconds_per_spp
+    assert first.seconds_per_spp == again.seconds_per_spp
 
 
 def test_no_run_is_ever_held_whole() -> None:

@@ -55,7 +55,7 @@ class TestRecords:
                  and not row.channel}
         assert {name: row.value for name, row in found.items()} == {
             **cosine.scores, "slope": cosine.slope.slope if cosine.slope else None,
-            "cpu_seconds_per_spp": 0.011, "rejected": 0.0}
+            "seconds_per_spp": 0.011, "rejected": 0.0}
         slope = found["slope"]
         assert slope.low is not None and slope.high is not None and slope.low < slope.value < slope.high
         assert slope.samples == 64 and found["flip"].low is None

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from harness.samples.cost import Cost
 from harness.samples.estimate import Batch
 from harness.samples.traits import Traits
 
@@ -32,4 +33,4 @@ class NoiseRenderer:
         self.calls.append((replica, start, count))
         rng = np.random.default_rng([replica, start, count])
         image = self.mean + self.sigma / np.sqrt(count) * rng.standard_normal((*self.size, 3))
-        return Batch(image.astype(np.float32), count, cpu_seconds=1e-3 * count)
+        return Batch(image.astype(np.float32), count, cost=Cost(1e-3 * count, 1e-3 * count, None, "cpu: test", "cpu"))

@@ -9,6 +9,7 @@ import numpy as np
 from harness import metrics
 from harness.policy import fail_level
 from harness.results import StrategyResult, StudyResult
+from harness.samples.cost import Cost
 from harness.samples.estimate import Accumulator, Batch, Estimate
 from harness.stats.bias import mean_error_verdict
 from harness.stats.convergence import fit_slope
@@ -20,6 +21,7 @@ from harness.work.run import tiles_of
 # Standard deviation of one sample, relative to the pixel's radiance, and CPU seconds for one sample per pixel.
 STRATEGIES = {"uniform": (1.6, 0.010), "cosine": (0.9, 0.011), "lobes": (0.5, 0.013), "mixture": (0.35, 0.014)}
 BATCHES = 8
+DEVICE = "llvmpipe (LLVM 15.0.6, 256 bits)"
 
 
 def scene_image(size: int, seed: int) -> np.ndarray:
@@ -43,7 +45,8 @@ def noisy(truth: np.ndarray, spp: int, sigma: float, random: np.random.Generator
     per_batch = max(spp // batches, 1)
     for _ in range(batches):
         noise = random.standard_normal(truth.shape) * sigma / np.sqrt(per_batch)
-        accumulator.add(Batch((truth * (1 + bias + noise)).astype(np.float32), per_batch, 0, seconds * per_batch))
+        accumulator.add(Batch((truth * (1 + bias + noise)).astype(np.float32), per_batch, 0,
+                              Cost(seconds * per_batch, seconds * per_batch, None, DEVICE, "cpu")))
     return accumulator.estimate()
 
 
@@ -71,7 +74,7 @@ def strategy_result(name: str, truth: np.ndarray, reference: Estimate, *, sigma:
         strategy=name, suits=True, warning="", spp=prefixes, curves=curves,
         scores=metrics.measure(merged.mean, reference, exposure, at_prefixes=False),
         estimate=merged, verdict=verdict, tiles=tiles, slope=fit_slope(prefixes, curves["rmse"]) if sigma else None,
-        cpu_seconds_per_spp=seconds)
+        seconds_per_spp=seconds, device=DEVICE)
 
 
 def with_curves(strategy: StrategyResult, **curves: np.ndarray) -> StrategyResult:

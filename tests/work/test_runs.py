@@ -47,7 +47,7 @@ def test_a_run_from_the_store_equals_the_run_that_filled_it(tmp_path: Path) -> N
     assert {start + count <= LEAD_IN for _, start, count in again.calls} == {True}
     np.testing.assert_array_equal(warm.mean, cold.mean)
     np.testing.assert_array_equal(warm.variance, cold.variance)
-    assert warm.cpu_seconds == pytest.approx(cold.cpu_seconds)
+    assert warm.cost.seconds == pytest.approx(cold.cost.seconds)
 
 
 def test_a_short_run_keeps_all_and_a_long_one_reads_it(tmp_path: Path) -> None:

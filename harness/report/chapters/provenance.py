@@ -81,10 +81,10 @@ def _reference_table(results: Sequence[StudyResult]) -> Table:
                      Cell(formats.significant(mean, 4)),
                      Cell(formats.percent(float(error)) if reference.samples else "0"),
                      Cell(formats.count(reference.rejected)),
-                     Cell(formats.duration(reference.cpu_seconds) if reference.samples else formats.MISSING)))
+                     Cell(formats.duration(reference.cost.seconds) if reference.samples else formats.MISSING)))
     caption = ("The references. Mean: of luminance over the image, in the scene's radiance unit, and its relative "
                "standard error. Rejected: samples that were not finite.")
     columns = (Column("Scene", share=1), Column("Reference"), Column("Samples\nper pixel", "right"),
                Column("Batches", "right"), Column("Mean", "right"), Column("Standard\nerror", "right"),
-               Column("Rejected", "right"), Column("CPU time", "right"))
+               Column("Rejected", "right"), Column("Time", "right"))
     return Table(caption, columns, tuple(rows))

@@ -126,7 +126,7 @@ def _convergence(judged: Sequence[Pair]) -> list[Remark]:
 
 
 def _gains(results: Sequence[StudyResult]) -> list[Remark]:
-    """The best and the worst that any strategy did against the baseline, samples and CPU time."""
+    """The best and the worst that any strategy did against the baseline, samples and time."""
     gains: list[tuple[float, str, str, Cost]] = []
     for result in results:
         equal = equal_error(result)
@@ -146,7 +146,7 @@ def _gain(scene: str, baseline: str, cost: Cost) -> str:
     assert cost.sample_gain is not None and cost.time_gain is not None
     samples, time = cost.sample_gain, cost.time_gain
     return (f"that of {cost.strategy.strategy} over {baseline} on {scene}: samples "
-            f"{formats.ratio(samples.value, samples.low, samples.high)}, CPU time "
+            f"{formats.ratio(samples.value, samples.low, samples.high)}, time "
             f"{formats.ratio(time.value, time.low, time.high)}")
 
 
