@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from harness.cli.options import BENCH_FILE
+from harness.cli.options import BENCH_FILE, DeviceOption
 from harness.cli.output import JsonOption, print_json, print_rich, progress
 
 
@@ -15,6 +15,7 @@ def bench(
     rounds: Annotated[int, typer.Option(min=2, max=1000, help="Measurements of each pair.")] = 7,
     output: Annotated[Path, typer.Option("--output", "-o", help="JSON file to keep the result in, for the report.")]
     = Path("reports/out") / BENCH_FILE,
+    device: DeviceOption = None,
     json: JsonOption = False,
 ) -> int:
     """Measure the tracer's speed against Mitsuba's, and what features cost, interleaved, by CPU time.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.options import CacheOption, open_store
+from harness.cli.options import CacheOption, DeviceOption, open_store
 from harness.cli.output import JsonOption, print_json, print_rich, progress
 from harness.errors import HarnessError, MachineError
 
@@ -23,6 +23,7 @@ def gate(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the summary page, and for what gates that "
                                          "do not pass leave behind.")] = Path("reports/out/gates"),
     cache: CacheOption = True,
+    device: DeviceOption = None,
     json: JsonOption = False,
 ) -> int:
     """Run tolerance gates: each draws samples until it is decided or its budget ends.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -39,10 +40,19 @@ ExecutorOption = Annotated[str, typer.Option("--executor", help="Where samples a
                                                  "processes.")]
 SppOption = Annotated[int, typer.Option("--spp", min=1, max=MAX_SPP, help="Samples per pixel.")]
 CacheOption = Annotated[bool, typer.Option("--cache/--no-cache", help="Keep batches on disk, and use those kept.")]
+DeviceOption = Annotated[int | None, typer.Option("--device", min=0, callback=lambda number: choose_device(number),
+                                                  help="EGL device to draw on, as `harness doctor` numbers them.")]
 ToleranceOption = Annotated[float, typer.Option("--tolerance", min=1e-9, max=1.0,
                                                 help="Bias, relative to the mean, that still counts as equivalent.")]
 ConfidenceOption = Annotated[float, typer.Option("--confidence", min=0.5, max=0.999999,
                                                  help="Confidence of intervals and verdicts.")]
+
+
+def choose_device(number: int | None) -> int | None:
+    """Draw on this EGL device, here and in processes started from here; told before the first context is made."""
+    if number is not None:
+        os.environ["HARNESS_GL_DEVICE"] = str(number)
+    return number
 
 
 def scene_file(path: Path, size: str | None = None, parameters: Sequence[str] | None = None) -> SceneFile:

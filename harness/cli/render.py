@@ -10,6 +10,7 @@ import typer
 
 from harness.cli.options import (
     CacheOption,
+    DeviceOption,
     SceneArgument,
     SetOption,
     SizeOption,
@@ -47,6 +48,7 @@ def render(
     parameters: SetOption = None,
     output: OutputOption = None,
     cache: CacheOption = True,
+    device: DeviceOption = None,
     json: JsonOption = False,
 ) -> None:
     """Render a scene with the GLSL path tracer.

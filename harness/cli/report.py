@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
-from harness.cli.options import BENCH_FILE, CALIBRATION_FILE, MUTANTS_FILE, open_scene, open_store
+from harness.cli.options import BENCH_FILE, CALIBRATION_FILE, MUTANTS_FILE, DeviceOption, open_scene, open_store
 from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError, StoreError
 
@@ -26,6 +26,7 @@ def report(
                                                         "are given.", show_default=False)] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for report.pdf and report.html.")]
     = Path("reports/out"),
+    device: DeviceOption = None,
     json: JsonOption = False,
 ) -> int:
     """Study every scene with every strategy that suits it, and set the results as a PDF and an HTML page.

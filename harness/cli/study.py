@@ -12,6 +12,7 @@ from harness.cli.options import (
     MAX_SPP,
     CacheOption,
     ConfidenceOption,
+    DeviceOption,
     ExecutorOption,
     SceneArgument,
     SetOption,
@@ -54,6 +55,7 @@ def study(
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=256, help="Processes; one a core if not given.")]
     = os.cpu_count() or 1,
     cache: CacheOption = True,
+    device: DeviceOption = None,
     json: JsonOption = False,
 ) -> int:
     """Measure how each strategy converges to the reference on a scene, and what equal error costs.

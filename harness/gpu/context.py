@@ -26,6 +26,9 @@ void main()
 _LINE_PROBE = "#version 420 core\n#line 40 0\nthis is not GLSL\n"
 _LINE_PROBE_NUMBER = 40
 
+# Names the EGL device to draw on, by its number.
+CHOICE = "HARNESS_GL_DEVICE"
+
 _local = threading.local()
 
 
@@ -37,10 +40,14 @@ def context() -> moderngl.Context:
     """
     owner = getattr(_local, "owner", None)
     if owner is None:
+        index = _chosen()
         try:
-            options: dict[str, Any] = {"backend": "egl", "libgl": "libEGL.so.1"}
+            options: dict[str, Any] = {"backend": "egl", "libgl": "libEGL.so.1", "device_index": index}
             created = moderngl.create_context(standalone=True, require=430, **options)
         except Exception as error:  # moderngl raises bare Exception
+            if missing := re.search(r"requested device index .* found (\d+) devices", str(error)):
+                raise MachineError(f"{CHOICE}: there is no EGL device {index}; there are {missing[1]}, numbered from "
+                                   "0; `harness doctor` lists them") from None
             raise MachineError(
                 f"no headless OpenGL 4.3: {' '.join(str(error).split())}; on Debian or Ubuntu type: "
                 "apt-get install -y libegl1 libgl1-mesa-dri") from None
@@ -53,6 +60,15 @@ def context() -> moderngl.Context:
                            "multiprocessing method 'spawn' or 'forkserver'")
     found: moderngl.Context = _local.context
     return found
+
+
+def _chosen() -> int:
+    """The number of the EGL device to draw on, as the environment has it."""
+    text = os.environ.get(CHOICE, "").strip() or "0"
+    if not text.isdecimal():
+        raise MachineError(f"{CHOICE}: expected the number of an EGL device, found '{text}'; `harness doctor` lists "
+                           "them")
+    return int(text)
 
 
 def _halve_compilation(gl: moderngl.Context) -> None:

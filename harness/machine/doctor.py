@@ -8,7 +8,7 @@ import platform
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -26,14 +26,15 @@ LEAST_MEMORY = 3 * 2**30  # bytes: 2 GB for the largest command (DESIGN), and ro
 # Seconds for a probe to answer; a cold shader or kernel cache needs about two, a loaded machine many more.
 _PROBE_TIMEOUT = 120
 _GIB = 2**30
+MAX_DEVICES = 16  # of EGL, that are looked for
 # Where Linux tells a container's limit: control groups version 2, and version 1.
 _MEMORY_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 _GL_PROBE = """
 import json
-from harness.gpu.context import describe_gl
-gl = describe_gl()
-print(json.dumps([gl["gl_renderer"], gl["gl_version"]]))
+from harness.gpu.context import device
+found = device()
+print(json.dumps([found.name, found.version, found.clock == "cpu"]))
 """
 # A unit radiance environment seen through every pixel: the mean of the image is exactly 1.
 _MITSUBA_PROBE = """
@@ -67,6 +68,7 @@ def examine() -> Iterator[Check]:
     yield check_python()
     yield check_packages()
     yield check_gl()
+    yield check_devices()
     yield check_llvm()
     yield check_mitsuba()
     yield check_cores()
@@ -108,8 +110,24 @@ def check_gl() -> Check:
     apt = ("libegl1", "libgl1-mesa-dri")
     if isinstance(answer, str):
         return Check("OpenGL", False, answer.partition("; ")[0], mend=f"apt-get install {' '.join(apt)}", apt=apt)
-    renderer, version = answer
+    renderer, version, _ = answer
     return Check("OpenGL", True, f"{renderer}, {version}")
+
+
+def check_devices() -> Check:
+    """The EGL devices, each tried in a process of its own; the one in use is marked."""
+    used = os.environ.get("HARNESS_GL_DEVICE", "").strip() or "0"
+    lines: list[str] = []
+    for index in range(MAX_DEVICES):
+        answer = _probe(_GL_PROBE, {"HARNESS_GL_DEVICE": str(index)})
+        if isinstance(answer, str) and "there is no EGL device" in answer:
+            break
+        told = answer if isinstance(answer, str) else f"{answer[0]} ({'software' if answer[2] else 'hardware'})"
+        lines.append(f"{index}: {told}{', used' if str(index) == used else ''}")
+        if isinstance(answer, str) and not index:
+            break  # without EGL all fail alike
+    return Check("devices", any("used" in line for line in lines), "; ".join(lines),
+                 mend="export HARNESS_GL_DEVICE=0, or another number of these", needed=False)
 
 
 def check_llvm() -> Check:
@@ -175,11 +193,12 @@ def _metadata() -> metadata.PackageMetadata:
     return metadata.metadata(DISTRIBUTION)
 
 
-def _probe(program: str) -> list[Any] | str:
+def _probe(program: str, environment: Mapping[str, str] | None = None) -> list[Any] | str:
     """What `program` prints as JSON, or one line on how it failed: a driver may take the whole process with it."""
     try:
         done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True,
-                              errors="replace", timeout=_PROBE_TIMEOUT, stdin=subprocess.DEVNULL)
+                              errors="replace", timeout=_PROBE_TIMEOUT, stdin=subprocess.DEVNULL,
+                              env={**os.environ, **(environment or {})})
     except subprocess.TimeoutExpired:
         return f"no answer within {_PROBE_TIMEOUT} s"
     if done.returncode < 0:

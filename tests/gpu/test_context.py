@@ -88,3 +88,10 @@ def test_a_forked_child_is_refused() -> None:
     os.waitpid(child, 0)
     with os.fdopen(reader) as pipe:
         assert "cannot use its parent's GL context; start workers with" in pipe.read()
+
+
+@pytest.mark.parametrize(("number", "told"), [("99", "there is no EGL device 99; there are "), ("x", "found 'x'")])
+def test_a_device_that_is_not_there_is_one_line(monkeypatch: pytest.MonkeyPatch, number: str, told: str) -> None:
+    monkeypatch.setenv("HARNESS_GL_DEVICE", number)
+    found = in_thread(context)
+    assert isinstance(found, MachineError) and told in str(found) and "\n" not in str(found)

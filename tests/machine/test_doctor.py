@@ -24,7 +24,8 @@ def test_this_machine_has_all_that_is_needed(run_harness: RunHarness) -> None:
     assert done.returncode == 0
     assert answer["ok"] is True
     details = {check["name"]: check["detail"] for check in answer["checks"]}
-    assert list(details) == ["python", "packages", "OpenGL", "LLVM", "Mitsuba", "cores", "memory", "cache"]
+    assert list(details) == ["python", "packages", "OpenGL", "devices", "LLVM", "Mitsuba", "cores", "memory", "cache"]
+    assert details["devices"].startswith("0: ") and "used" in details["devices"]
     assert "mitsuba 3." in details["packages"]
     assert "renders 1 where 1 is right" in details["Mitsuba"]
 
