@@ -123,11 +123,6 @@ class ReferenceRenderer:
         """
         self._prepared = self._moving_shapes = None
 
-    @property
-    def is_released(self) -> bool:
-        """No scene of Mitsuba's is held."""
-        return self._prepared is None
-
     def _instantiate(self) -> Prepared:
         self._prepared = prepare(self.scene, self.variant)
         if self._prepared.reading and motion.moving(self._prepared.reading):
