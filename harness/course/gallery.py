@@ -26,8 +26,8 @@ STEP = 32
 
 
 @dataclass(frozen=True)
-class Exhibit:
-    """A picture of the handout: the scene file's name, and how many samples per pixel the handout gave it."""
+class Figure:
+    """A figure of the handout: the scene file's name, and how many samples per pixel the handout gave it."""
 
     scene: str
     spp: int
@@ -35,7 +35,7 @@ class Exhibit:
 
 # The course's handout shows both at 1024 x 1024.
 SIDE = 1024
-EXHIBITS = (Exhibit("displaced_spheres", 2_000), Exhibit("course_scene", 20_000))
+FIGURES = (Figure("displaced_spheres", 2_000), Figure("course_scene", 20_000))
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from harness.stats import sequential
 from harness.stats.bias import Outcome
 from harness.stats.levels import Looks, family_level
 from harness.stats.rates import Rate, Where
+from harness.stats.sequential import Looking
 from harness.stats.suites import SuiteRates
 from harness.stats.synthetic import with_gain
 from harness.stats.tiles import PATCH, ImageMoments, TileSamples
@@ -114,7 +114,7 @@ def together(alarms: Sequence[FalseAlarms], case: str) -> list[FalseAlarms]:
     return list(sums.values())
 
 
-def power(case: str, pairs: Sequence[Pair], plan: sequential.Sequence, rng: np.random.Generator) -> list[Power]:
+def power(case: str, pairs: Sequence[Pair], plan: Looking, rng: np.random.Generator) -> list[Power]:
     """What a plan makes of gains of every size, zero included: the same pairs for each, patches at random places."""
     side = int(np.sqrt(PATCH * pairs[0][0].height * pairs[0][0].width))
     patches = [(int(rng.integers(test.height - side + 1)), int(rng.integers(test.width - side + 1)), side)
@@ -135,7 +135,7 @@ def power(case: str, pairs: Sequence[Pair], plan: sequential.Sequence, rng: np.r
             *(measured("patch", gain) for gain in PATCH_GAINS)]
 
 
-def _ended(plan: sequential.Sequence, test: TileSamples, reference: Sequence[ImageMoments]) -> tuple[Outcome, float]:
+def _ended(plan: Looking, test: TileSamples, reference: Sequence[ImageMoments]) -> tuple[Outcome, float]:
     """The outcome of a sequence of looks, and the share of its budget at which it came."""
     budget = plan.looks.samples[-1]
     for look, samples in enumerate(plan.looks.samples):
