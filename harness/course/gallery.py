@@ -66,8 +66,9 @@ def render_picture(scene: Scene, spp: int, folder: Path, *, strategy: str = "mix
     exr, png = folder / f"{scene.name}.exr", folder / f"{scene.name}.png"
     for path in (exr, png):
         require_writable(path)
-    with Tracer(strategy).open(file_of(scene)) as renderer:
-        state = _State(scene, exr, png, digest(dict(renderer.identity), 16))
+    file = file_of(scene)
+    with Tracer(strategy).open(file) as renderer:
+        state = _State(scene, exr, png, digest(dict(renderer.identity), 16), file.film.exposure)
         resumed = written = state.samples
 
         def picture() -> Picture:
@@ -96,8 +97,8 @@ def render_picture(scene: Scene, spp: int, folder: Path, *, strategy: str = "mix
 class _State:
     """The sum of a picture's samples, as it is in memory and as it was last on disk."""
 
-    def __init__(self, scene: Scene, exr: Path, png: Path, picture: str) -> None:
-        self._scene, self._exr, self._png, self._picture = scene, exr, png, picture
+    def __init__(self, scene: Scene, exr: Path, png: Path, picture: str, exposure: float) -> None:
+        self._scene, self._exr, self._png, self._picture, self._exposure = scene, exr, png, picture, exposure
         self._total = np.zeros((scene.height, scene.width, 3))
         self.rejected = 0
         self.samples = 0
@@ -123,5 +124,5 @@ class _State:
         mean = self._total / self.samples
         write_batch(self._exr, Batch(mean.astype(np.float32), self.samples), {
             "picture": self._picture, "scene": self._scene.name, "spp": self.samples, "not_finite": self.rejected})
-        write_png(self._png, mean, self._scene.exposure)
+        write_png(self._png, mean, self._exposure)
         return self.samples
