@@ -10,7 +10,7 @@ from harness.calibration.comparisons import POWER_SHARE, SIDE
 from harness.progress import Progress, quiet
 from harness.stats.calibration import FalseAlarms, Pair, Power, coupled, coupled_power, false_alarms
 from harness.stats.levels import Looks
-from harness.stats.paired import COUPLED, TIGHT, PairedSequence
+from harness.stats.paired import COUPLED, TIGHT, PairedLooking
 from harness.stats.partings import PARTINGS, bias, draw_pair
 from harness.stats.synthetic import Plan
 from harness.stats.verdicts import Tolerance
@@ -59,7 +59,7 @@ def compare_coupled(comparisons: int, progress: Progress = quiet) -> Coupled:
                 cases[case] = f"synthetic, up to {spp * replicas} samples per pixel"
                 expected = PARTING * SIDE**2 * spp * replicas
                 held = list(pairs("even", expected, replicas, max(1, comparisons // POWER_SHARE), spp))
-                powers += coupled_power(case, held, PairedSequence(looks(replicas, spp), tolerance),
+                powers += coupled_power(case, held, PairedLooking(looks(replicas, spp), tolerance),
                                         np.random.default_rng(replicas))
                 advance(1)
     return cases, tuple(alarms), tuple(powers)

@@ -16,7 +16,7 @@ from harness.gates.runner import check_gate, opened
 from harness.progress import Progress, quiet
 from harness.samples.store import Store
 from harness.stats.bias import Outcome
-from harness.stats.paired import PairedSequence, largest_by_size
+from harness.stats.paired import PairedLooking, largest_by_size
 from harness.stats.rates import Where
 from harness.stats.resampling import Patch, centred, draws, mirrored, resampled, resampled_pairs, shaded_patches
 from harness.stats.suites import BIASES, MISSED, GatePower, GateRates, SuiteRates
@@ -51,7 +51,7 @@ class GateBank:
     test: TileSamples
     reference: TileSamples
     grows: bool
-    paired: PairedSequence | None = None
+    paired: PairedLooking | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +111,10 @@ def gather(gates: Sequence[Gate], store: Store | None = None, progress: Progress
     return banks
 
 
-def paired_plan(gate: Gate) -> PairedSequence | None:
+def paired_plan(gate: Gate) -> PairedLooking | None:
     """The plan of a gate whose reference draws the same random numbers; None of another."""
     plan: object = gate.sequence
-    return plan if isinstance(plan, PairedSequence) else None
+    return plan if isinstance(plan, PairedLooking) else None
 
 
 def _bank(gate: Gate, ours: TileSamples, run: Run | FixedRun) -> GateBank:

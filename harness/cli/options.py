@@ -74,12 +74,12 @@ def open_scene(file: Path | SceneFile, size: str | None = None) -> Scene:
 
     HarnessError, besides what the scene's file gives reason for, when this machine's memory cannot hold its image.
     """
-    from harness.scene import load
+    from harness.scene import load, present
 
     file = scene_file(file, size) if isinstance(file, Path) else file
     scene = load(file)
     require_memory(file)
-    for note in scene.notes:
+    for note in present(file).notes:
         log(f"{file.path}: note: {note}")
     return scene
 

@@ -58,13 +58,13 @@ def render(
     from harness.estimators.tracer import Tracer
 
     file = scene_file(scene, size, parameters)
-    loaded = open_scene(file)
+    open_scene(file)
     estimator = Tracer(strategy)
     warning = estimator.check(file)
     target = _target(output, scene.stem)
     if warning:
         log(f"{scene}: warning: strategy '{strategy}': {warning}")
-    labels = {"strategy": strategy, "exposure": loaded.exposure}
+    labels = {"strategy": strategy, "exposure": file.film.exposure}
     _render(estimator, file, target, Asked(spp, replica, cache, json), labels)
 
 

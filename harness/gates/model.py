@@ -14,7 +14,7 @@ from harness.scene import SceneFile
 from harness.stats.bias import Outcome
 from harness.stats.channels import Channel
 from harness.stats.levels import Looks
-from harness.stats.sequential import Sequence
+from harness.stats.sequential import Looking
 from harness.stats.verdicts import BiasVerdict, TileVerdict, Tolerance
 
 # Looks are at 1/4, 1/2 and all of the budget: an easy gate is spared three quarters of it.
@@ -35,7 +35,7 @@ class Gate:
     `test` is judged, `reference` is what it is held against; `reference_spp`: samples per pixel of the reference for
     each replica of the test, where it is drawn. `spp` is of each replica and `replicas` the most that may be drawn:
     together the budget. `not_finite`: the share of samples that may be neither finite nor counted. `fail_level` and
-    `pass_level` are those of `stats.sequential.Sequence`, the former this gate's share of its family's. `origin`: file
+    `pass_level` are those of `stats.sequential.Looking`, the former this gate's share of its family's. `origin`: file
     and line, where messages point; `entry`: the name of the entry of the file, which stands for one gate a strategy.
     `at_once`: all replicas are there from the beginning (images in files), so there is one look, at all of them.
     """
@@ -67,10 +67,10 @@ class Gate:
         return (self.replicas,) if self.at_once else tuple(self.replicas // share for share in LOOK_SHARES)
 
     @property
-    def sequence(self) -> Sequence:
+    def sequence(self) -> Looking:
         """The verdicts at these looks, and the error rates that they share."""
-        return Sequence(Looks(tuple(self.spp * replicas for replicas in self.looks)), self.tolerance, self.fail_level,
-                        self.pass_level)
+        return Looking(Looks(tuple(self.spp * replicas for replicas in self.looks)), self.tolerance, self.fail_level,
+                       self.pass_level)
 
     def error(self, message: str) -> HarnessError:
         """A HarnessError that begins with where the gate stands and which it is."""

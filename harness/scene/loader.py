@@ -40,10 +40,9 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
     if root.kind != "scene":
         raise root.error(f"the root element must be <scene>, found a {root.kind}")
     shapes: list[Shape] = []
-    notes: list[str] = []
     environment: RGB | EnvironmentMap | None = None
     sensor: Sensor | None = None
-    integrator: tuple[int, tuple[str, ...]] | None = None
+    max_depth: int | None = None
     for _, node in root.children():
         match node.kind:
             case "shape":
@@ -55,11 +54,11 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
             case "sensor":
                 if sensor is not None:
                     raise node.error("a scene has one sensor; this is the second")
-                sensor = load_sensor(node, width, height, notes)
+                sensor = load_sensor(node, width, height)
             case "integrator":
-                if integrator is not None:
+                if max_depth is not None:
                     raise node.error("a scene has one integrator; this is the second")
-                integrator = _integrator(node)
+                max_depth = _integrator(node)
             case "bsdf":
                 load_material(node)  # used by reference; checked here, so that an unused one is not silently wrong
             case "texture":
@@ -69,11 +68,10 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
     root.done([])
     if sensor is None:
         raise root.error("the scene has no <sensor>; add one of type 'perspective'")
-    if integrator is None:
+    if max_depth is None:
         raise root.error("the scene has no <integrator>; add one of type 'path' with 'max_depth'")
     return Scene(tuple(shapes), environment or (0.0, 0.0, 0.0), sensor.camera, sensor.width, sensor.height,
-                 integrator[0], exposure=sensor.exposure, strategies=integrator[1],
-                 name=SceneFile(path, given).name, path=path.resolve(), parameters=given, notes=tuple(notes))
+                 max_depth, name=SceneFile(path, given).name, path=path.resolve(), parameters=given)
 
 
 def file_of(scene: Scene) -> SceneFile:
@@ -98,8 +96,8 @@ def describe(path: str | Path) -> str:
     return " ".join(found[1].split()) if found else ""
 
 
-def _integrator(node: Node) -> tuple[int, tuple[str, ...]]:
-    """`max_depth`, and the strategies that a report is to show."""
+def _integrator(node: Node) -> int:
+    """Its `max_depth`."""
     if node.plugin != "path":
         raise node.refuse(["path"])
     max_depth = node.integer("max_depth", -1)
@@ -109,6 +107,6 @@ def _integrator(node: Node) -> tuple[int, tuple[str, ...]]:
     if node.boolean("hide_emitters", False):
         raise node.error("'hide_emitters' must be false; supported: max_depth, rr_depth")
     node.ignore("rr_depth")  # Russian roulette is off in both renderers; it changes the noise, not the mean
-    strategies = tuple(name.strip() for name in node.string("strategies", "").split(",") if name.strip())
+    node.ignore("strategies")  # a matter of presentation
     node.done(["max_depth", "rr_depth", "strategies"])
-    return max_depth, strategies
+    return max_depth

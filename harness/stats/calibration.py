@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from harness.stats import sequential
 from harness.stats.bias import Outcome
 from harness.stats.levels import Looks, family_level
-from harness.stats.paired import PairedSequence, paired
+from harness.stats.paired import PairedLooking, paired
 from harness.stats.rates import Rate, Where
+from harness.stats.sequential import Looking
 from harness.stats.suites import SuiteRates
 from harness.stats.synthetic import with_gain
 from harness.stats.tiles import PATCH, ImageMoments, TileSamples
@@ -133,7 +133,7 @@ def together(alarms: Sequence[FalseAlarms], case: str) -> list[FalseAlarms]:
     return list(sums.values())
 
 
-def power(case: str, pairs: Sequence[Pair], plan: sequential.Sequence, rng: np.random.Generator) -> list[Power]:
+def power(case: str, pairs: Sequence[Pair], plan: Looking, rng: np.random.Generator) -> list[Power]:
     """What a plan makes of gains of every size, zero included: the same pairs for each, patches at random places."""
     side = int(np.sqrt(PATCH * pairs[0][0].height * pairs[0][0].width))
     patches = [(int(rng.integers(test.height - side + 1)), int(rng.integers(test.width - side + 1)), side)
@@ -154,7 +154,7 @@ def power(case: str, pairs: Sequence[Pair], plan: sequential.Sequence, rng: np.r
             *(measured("patch", gain) for gain in PATCH_GAINS)]
 
 
-def coupled_power(case: str, pairs: Sequence[Pair], plan: PairedSequence, rng: np.random.Generator) -> list[Power]:
+def coupled_power(case: str, pairs: Sequence[Pair], plan: PairedLooking, rng: np.random.Generator) -> list[Power]:
     """What a plan makes of gains of coupled estimates: `COUPLED_GAINS` of everything, `COUPLED_PATCH_GAINS` at random
     places; both in tolerances, and so are the gains of the result in relative terms."""
     side = int(np.sqrt(PATCH * pairs[0][0].height * pairs[0][0].width))
@@ -174,13 +174,13 @@ def coupled_power(case: str, pairs: Sequence[Pair], plan: PairedSequence, rng: n
             *(measured("patch", gain) for gain in COUPLED_PATCH_GAINS)]
 
 
-def _ended_coupled(plan: PairedSequence, test: TileSamples, reference: TileSamples) -> tuple[Outcome, float]:
+def _ended_coupled(plan: PairedLooking, test: TileSamples, reference: TileSamples) -> tuple[Outcome, float]:
     """As `_ended`."""
     return _first_decided(plan.looks, lambda look: plan.outcome(look, _until(test, plan.looks, look),
                                                                 _until(reference, plan.looks, look)))
 
 
-def _ended(plan: sequential.Sequence, test: TileSamples, reference: Sequence[ImageMoments]) -> tuple[Outcome, float]:
+def _ended(plan: Looking, test: TileSamples, reference: Sequence[ImageMoments]) -> tuple[Outcome, float]:
     """The outcome of a sequence of looks, and the share of its budget at which it came."""
     return _first_decided(plan.looks, lambda look: plan.outcome(
         look, ImageMoments.of(_until(test, plan.looks, look)), reference[look]))

@@ -35,8 +35,8 @@ TIGHT = Tolerance(5e-6, 5e-5, 5e-4)
 
 
 @dataclass(frozen=True)
-class PairedSequence:
-    """A plan as `sequential.Sequence` is one, for a test and a reference that draw the same random numbers.
+class PairedLooking:
+    """A plan as `sequential.Looking` is one, for a test and a reference that draw the same random numbers.
 
     `largest`: the radiance of the largest sample, of any channel or one a channel (`largest_sample`); where it is None
     the bound is what batches tell by themselves, which is up to a batch's samples per pixel times too wide.

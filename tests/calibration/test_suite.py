@@ -14,7 +14,7 @@ from harness.errors import HarnessError
 from harness.estimators.tracer import Tracer
 from harness.gates import Gate, GatesFile, References, load_gates, run_gate
 from harness.stats.levels import Looks
-from harness.stats.paired import COUPLED, PairedSequence
+from harness.stats.paired import COUPLED, PairedLooking
 from harness.stats.partings import PARTINGS, draw_pair
 from harness.stats.resampling import draws, mirrored
 from harness.stats.suites import PROMISED, SuiteRates
@@ -105,7 +105,7 @@ class TestCoupled:
     def bank(self, gate: Gate, expected: float = 30.0) -> GateBank:
         """128 pairs of replicas of 64 samples per pixel, of which so many part."""
         gate = dataclasses.replace(gate, tolerance=COUPLED, spp=64)
-        plan = PairedSequence(Looks(tuple(64 * replicas for replicas in gate.looks)), COUPLED)
+        plan = PairedLooking(Looks(tuple(64 * replicas for replicas in gate.looks)), COUPLED)
         test, reference = draw_pair(PARTINGS["even"], Plan(60, 128, 64), expected, np.random.default_rng(3))
         return GateBank(gate, *mirrored(test, reference), True, plan)
 

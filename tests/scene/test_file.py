@@ -42,7 +42,7 @@ class TestFilm:
         file = write(tmp_path / "a.xml").sized(20, 10)
         reading = load(file)
         assert file.film == Film(20, 10, 1.5)
-        assert (reading.width, reading.height, reading.exposure) == (20, 10, 1.5)
+        assert (reading.width, reading.height) == (20, 10)
         assert reading.file == SceneFile(file.path.resolve(), size=(20, 10))
 
     def test_is_missing_without_a_sensor(self, tmp_path: Path) -> None:

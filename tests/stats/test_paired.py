@@ -15,7 +15,7 @@ from harness.stats.paired import (
     COUPLED,
     FLOAT32_FLOOR,
     TIGHT,
-    PairedSequence,
+    PairedLooking,
     largest_sample,
     largest_samples,
     paired,
@@ -172,7 +172,7 @@ class TestRates:
         assert outcomes.count("fail") == outcomes.count("pass") == 0
 
     def test_power(self, rng: np.random.Generator) -> None:
-        plan = PairedSequence(LOOKS)
+        plan = PairedLooking(LOOKS)
         found = coupled_power("case", [pair(rng, 3.0) for _ in range(4)], plan, rng)
         by = {(each.where, each.gain): each for each in found}
         assert by["everywhere", 0.0].passed == 4
@@ -231,7 +231,7 @@ class TestPlan:
     """Looks, and budgets."""
 
     def test_the_outcome_alone_is_the_verdicts(self, rng: np.random.Generator) -> None:
-        plan = PairedSequence(LOOKS, largest=4.0)
+        plan = PairedLooking(LOOKS, largest=4.0)
         outcomes = set()
         for gain in (0.0, 2e-5, 1e-3):
             test, reference = pair(rng, 3.0, "lamps")
@@ -246,13 +246,13 @@ class TestPlan:
     def test_a_budget_that_the_rule_of_three_alone_exhausts_is_too_small(self, rng: np.random.Generator) -> None:
         """Samples are up to twice their mean: 4.4 M/n of a tile of 3 x 3 pixels at the last look."""
         first = tuple(side.first(8) for side in pair(rng, 0.0))
-        assert PairedSequence(LOOKS).too_small(0, *first) is None
-        factor = PairedSequence(LOOKS, Tolerance(1e-5, 1e-4, 4e-4)).too_small(0, *first)
+        assert PairedLooking(LOOKS).too_small(0, *first) is None
+        factor = PairedLooking(LOOKS, Tolerance(1e-5, 1e-4, 4e-4)).too_small(0, *first)
         assert factor == pytest.approx(-np.log(0.0125) * 2 / (9 * 2048) / 4e-4, rel=0.05)
 
     def test_samples_needed_decide(self, rng: np.random.Generator) -> None:
         """So many times the samples of a first look pass, and half of them do not."""
-        plan = PairedSequence(Looks((2048,)), TIGHT)
+        plan = PairedLooking(Looks((2048,)), TIGHT)
         test, reference = pair(rng, 0.0)
         factor = plan.factor_needed(test.first(8), reference.first(8))
         assert 1 < factor < 4
@@ -264,7 +264,7 @@ class TestPlan:
                                            Tolerance(1e-5, 1e-4, float("nan"))])
     def test_tolerances_that_float32_does_not_keep_are_refused(self, tolerance: Tolerance) -> None:
         with pytest.raises(HarnessError, match=f"below {FLOAT32_FLOOR:g}.*set it to that or more"):
-            PairedSequence(LOOKS, tolerance)
+            PairedLooking(LOOKS, tolerance)
 
     def test_what_does_not_go_in_pairs_is_refused(self, rng: np.random.Generator) -> None:
         test, reference = pair(rng, 0.0)
