@@ -11,6 +11,7 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.estimators.base import Renderer
 from harness.gates.budget import factor_needed, tile_scale, too_small
+from harness.gates.contract import breach, one_image, remark
 from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look
 from harness.gates.references import References
 from harness.progress import Progress, quiet
@@ -71,7 +72,7 @@ def _look(gate: Gate, ours: Run, theirs: Run | FixedRun, advance: Callable[[floa
         test, reference = ours.tiles(replicas), theirs.tiles(replicas)
         verdict = gate.sequence.decide(number, test, reference)
         done.append(Look(gate.spp * replicas, int(reference.samples.sum()), verdict))
-        if verdict.outcome != "inconclusive":
+        if verdict.outcome != "inconclusive" or breach(gate, ours):
             break
         if number == 0 and not gate.at_once:
             _require_budget(gate, theirs, ImageMoments.of(test), ImageMoments.of(reference))
@@ -90,39 +91,16 @@ def _result(gate: Gate, film: Film, looks: list[Look], ours: Run, theirs: Run | 
             seconds: float) -> GateResult:
     last = looks[-1].verdict
     outcome, reason = last.outcome, last.reason
-    estimate = ours.estimate()
-    drawn = estimate.samples * film.width * film.height
-    if estimate.rejected > gate.not_finite * drawn:
-        outcome, reason = "fail", _uncounted(estimate.rejected, drawn)
-    elif ours.renderer.traits.streams == "any" and _is_one_image(ours) and _varies(ours):
-        outcome, reason = "fail", ("all replicas are one image, which is not without noise: the seed leaves out "
-                                   "`replica`, so its error and its noise cannot be told apart")
-    elif outcome != "pass" and _is_one_image(ours):
+    if broken := breach(gate, ours):
+        outcome, reason = "fail", broken
+    elif outcome != "pass" and one_image(ours):
         reason += "; all batches are one image: without noise, or from a seed without `first_sample` and `replica`"
     elif outcome == "inconclusive":
         reason += f"; the budget of {gate.replicas} x {gate.spp} samples per pixel has ended"
-    return GateResult(gate, outcome, reason, tuple(looks), _curve(gate, ours, theirs), estimate, theirs.estimate(),
-                      film.exposure, seconds)
-
-
-def _uncounted(rejected: int, drawn: int) -> str:
-    """What samples that alpha does not count tell: a few were not finite, most or all were never added."""
-    counted = f"{rejected} of {drawn} samples were not finite, or not counted in alpha"
-    if 2 * rejected > drawn:
-        return (f"{counted}; to what pingpong0 holds (nothing at numpass 0) each of samples_per_pass samples must add "
-                "its radiance, and 1 to alpha")
-    return f"{counted}; look for a division by zero, or a root or power of a negative number"
-
-
-def _is_one_image(run: Run) -> bool:
-    means = run.tiles(run.replicas).means
-    return bool((means == means[0]).all())
-
-
-def _varies(run: Run) -> bool:
-    """Do further samples of a replica differ from its first?"""
-    first, further = (run.renderer.render_batch(0, start, run.spp).mean for start in (0, run.spp))
-    return not np.array_equal(first, further)
+    if outcome == "fail" and not broken:
+        reason += remark(looks[-1].verdict.mean, ours)
+    return GateResult(gate, outcome, reason, tuple(looks), _curve(gate, ours, theirs), ours.estimate(),
+                      theirs.estimate(), film.exposure, seconds)
 
 
 def _curve(gate: Gate, ours: Run, theirs: Run | FixedRun) -> tuple[CurvePoint, ...]:

@@ -101,18 +101,18 @@ def test_json_is_one_object_with_the_means_of_the_image(harness: Harness, sky: P
 class TestCache:
     """Samples are rendered once."""
 
-    @pytest.mark.parametrize("command", ["render", "reference"])
+    @pytest.mark.parametrize(("command", "spp"), [("render", 8), ("reference", 8), ("reference", 256)])
     def test_a_second_run_renders_nothing(
-        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, command: str,
+        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, command: str, spp: int,
     ) -> None:
-        harness(command, sky, "--spp", 8, "-o", "x.exr")
+        harness(command, sky, "--spp", spp, "-o", "x.exr")
 
         def refuse(*arguments: object) -> Batch:
             raise AssertionError("rendered again")
 
         for name in ("gpu.renderer.TracerRenderer", "reference.renderer.ReferenceRenderer"):
             monkeypatch.setattr(f"harness.{name}.render_batch", refuse)
-        assert harness(command, sky, "--spp", 8, "-o", "again.exr").status == 0
+        assert harness(command, sky, "--spp", spp, "-o", "again.exr").status == 0
         np.testing.assert_array_equal(read_estimate("again.exr")[0].mean, read_estimate("x.exr")[0].mean)
 
     def test_is_neither_read_nor_written_where_not_wanted(self, harness: Harness, sky: Path, tmp_path: Path) -> None:
