@@ -8,34 +8,32 @@ from pathlib import Path
 
 from harness.errors import SceneError
 from harness.scene.environment import load_environment
-from harness.scene.file import SceneFile
+from harness.scene.file import MAX_DEPTH_LIMIT, SceneFile
 from harness.scene.materials import load_material
 from harness.scene.model import RGB, EnvironmentMap, Scene, Shape
-from harness.scene.nodes import Node, parse
+from harness.scene.nodes import Node
 from harness.scene.sensors import Sensor, load_sensor
 from harness.scene.shapes import load_shape
 from harness.scene.textures import load_varying
-
-# A path longer than this is refused: the tracer's loop is bounded (see tracer.renderer.MAX_ITERATIONS).
-MAX_DEPTH_LIMIT = 1024
 
 
 def load(file: SceneFile) -> Scene:
     """Our reading of a scene file. SceneError as `load_scene`."""
     width, height = file.size or (None, None)
-    return load_scene(file.path, width=width, height=height, parameters=dict(file.parameters))
+    return load_scene(file.path, width=width, height=height, parameters=dict(file.parameters), max_depth=file.max_depth)
 
 
 def load_scene(path: str | Path, *, width: int | None = None, height: int | None = None,
-               parameters: Mapping[str, str] | None = None) -> Scene:
+               parameters: Mapping[str, str] | None = None, max_depth: int | None = None) -> Scene:
     """Read a Mitsuba 3 XML scene into a `Scene`; `width` and `height` (pixels) override the film's, `parameters` the
-    file's `<default>` values.
+    file's `<default>` values, `max_depth` the integrator's.
 
     Raises SceneError (one line with file and line) for anything malformed or outside the supported subset.
     """
     path = Path(path)
     given = tuple(sorted((parameters or {}).items()))
-    state = parse(path, given)
+    file = SceneFile(path, given, max_depth=max_depth)
+    state = file.parsed()
     root = Node(state, 0)
     if root.kind != "scene":
         raise root.error(f"the root element must be <scene>, found a {root.kind}")
@@ -73,7 +71,7 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
         raise root.error("the scene has no <integrator>; add one of type 'path' with 'max_depth'")
     return Scene(tuple(shapes), environment or (0.0, 0.0, 0.0), sensor.camera, sensor.width, sensor.height,
                  integrator[0], exposure=sensor.exposure, strategies=integrator[1],
-                 name=SceneFile(path, given).name, path=path.resolve(), parameters=given, notes=tuple(notes))
+                 name=file.name, path=path.resolve(), parameters=given, notes=tuple(notes), depth_given=max_depth)
 
 
 def file_of(scene: Scene) -> SceneFile:
