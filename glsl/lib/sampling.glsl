@@ -8,10 +8,12 @@ const float INV_PI = 0.318309886183791;
 const float INV_TWO_PI = 0.159154943091895;
 
 // Takes local coordinates, z along `axis`, to world space. Duff et al. 2017, "Building an Orthonormal Basis,
-// Revisited", JCGT 6(1), listing 3: no axis is singular. (The handout's cross(w.yzx, w) vanishes at (1,1,1).)
+// Revisited", JCGT 6(1), listing 3: no axis is singular. (The handout's cross(w.yzx, w) vanishes at (1,1,1).) Where the
+// sign changes is free, as long as s + axis.z stays far from 0. At -0.4 lies no normal of a face along the axes, whose
+// z is 0 but for rounding, so that the rounding does not choose between two frames.
 vec3 to_world(vec3 local, vec3 axis)
 {
-    float s = axis.z < 0.0 ? -1.0 : 1.0;
+    float s = axis.z < -0.4 ? -1.0 : 1.0;
     float a = -1.0 / (s + axis.z);
     float b = axis.x * axis.y * a;
     vec3 tangent = vec3(1.0 + s * axis.x * axis.x * a, s * b, -s * axis.x);

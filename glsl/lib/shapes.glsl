@@ -83,6 +83,14 @@ float hit_cylinder(vec3 o, vec3 d, vec4 row_x, vec4 row_y, vec4 row_z)
     return discriminant >= 0.0 && (near_hit || far_hit) ? t : NO_HIT;
 }
 
+// The unit normal at p of a sphere: its centre, and 1 / radius with the side's sign. p lies off the sphere by rounding;
+// a normal off unit length by as much hands that on to directions and so to the next hit, which is off by more: without
+// normalize, 1.3e-5 of the light between spheres was lost.
+vec3 sphere_normal(vec3 p, vec4 sphere)
+{
+    return normalize((p - sphere.xyz) * sphere.w);
+}
+
 // The outward unit normal at p of the cylinder x² + y² = 1: the gradient of its left side.
 vec3 cylinder_normal(vec3 p, vec4 row_x, vec4 row_y)
 {

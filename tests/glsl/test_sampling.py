@@ -138,3 +138,11 @@ def test_the_basis_is_orthonormal_and_right_handed_everywhere() -> None:
     np.testing.assert_allclose(gram, np.broadcast_to(np.eye(3), gram.shape), rtol=0, atol=1e-6)
     np.testing.assert_allclose(basis[:, 2], axes, rtol=0, atol=1e-7)
     assert (np.linalg.det(basis) > 0).all()
+
+
+def test_rounding_does_not_turn_the_frames_of_upright_faces() -> None:
+    """Faces along the axes, their z a rounding error to either side of 0: one frame."""
+    upright = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [0.6, 0.8]])
+    frames = [evaluate("basis.frag", np.c_[upright, np.full(5, z), np.zeros(5)], outputs=3) for z in (-4e-8, 0, 4e-8)]
+    for frame in frames:
+        np.testing.assert_allclose(frame, frames[1], rtol=0, atol=3e-7)

@@ -51,7 +51,7 @@ def normal_function(shapes: Sequence[Shape]) -> list[str]:
             center, radius = _sphere(shape)
             value = vector((*center, (-1 if shape.flip_normals else 1) / radius))
             body.append(f"if (id == {index}) sphere = {value};")
-        body.append("n = (p - sphere.xyz) * sphere.w;")
+        body.append("n = sphere_normal(p, sphere);")
     for index, shape in enumerate(shapes):
         if shape.kind in ("rectangle", "disk"):
             body.append(f"if (id == {index}) n = {vector(geometric_normal(shape))};")
