@@ -32,8 +32,8 @@ def climb(failed: GateResult, references: References, run: RunGate) -> Ladder:
     Each rung is the gate at that depth, with its looks and budget, so it costs no more than the gate would at its
     longest; there are at most 4 + 2 log2(max_depth / 4). Tolerances are the gate's, wider where the image is darker
     than the scene's (`_tolerance`). `run` runs one. A reference that is a closed form or an image is true of one depth
-    alone: Mitsuba takes its place. There are no rungs where what is judged cannot be asked for a depth (`reason` says
-    why) and where the scene's is 1.
+    alone: Mitsuba takes its place, at the scene's own depth too. There are no rungs where what is judged cannot be
+    asked for a depth (`reason` says why) and where the scene's is 1.
     """
     gate = failed.gate
     try:
@@ -44,6 +44,7 @@ def climb(failed: GateResult, references: References, run: RunGate) -> Ladder:
     if reason or top == 1:
         return Ladder((), top=top, reason=reason)
     rungs: dict[int, Rung] = {}
+    known = top if _goes_along(gate) else None  # to fail
 
     def wrong(depth: int) -> bool:
         rungs[depth] = _rung(failed, depth, references, run)
@@ -51,7 +52,7 @@ def climb(failed: GateResult, references: References, run: RunGate) -> Ladder:
 
     right = 0
     for depth in _climbed(top):
-        if depth == top or wrong(depth):
+        if depth == known or wrong(depth):
             while depth - right > 1:
                 middle = (right + depth) // 2
                 if wrong(middle):
@@ -77,14 +78,15 @@ def _climbed(top: int | None) -> Iterator[int]:
 def _rung(failed: GateResult, depth: int, references: References, run: RunGate) -> Rung:
     """The gate at one depth. What keeps it from deciding leaves it undecided; a lack of the machine is raised."""
     gate = failed.gate
-    own = not no_depth(gate.reference, gate.scene)
+    own = _goes_along(gate)
     at = replace(gate, scene=gate.scene.at_depth(depth), reference=gate.reference if own else Mitsuba(),
                  reference_spp=gate.reference_spp if own else gate.spp)
     try:
         reference = references.of(at)
         reference.grow(at.looks[0])
-        share = float(reference.estimate().mean.mean() / failed.reference.mean.mean())
-        if share == 0:
+        all_light = float(failed.reference.mean.mean())
+        share = float(reference.estimate().mean.mean()) / all_light if all_light > 0 else 1.0
+        if not reference.estimate().mean.any():
             return _black(at, depth)
         whole = _tolerance(at.tolerance, share)
         rung = _judged(replace(at, tolerance=whole), depth, references, run)
@@ -108,6 +110,11 @@ def _judged(gate: Gate, depth: int, references: References, run: RunGate) -> Run
     except HarnessError as error:
         return Rung(depth, "inconclusive", str(error).removeprefix(str(gate.error(""))), 0)
     return Rung(depth, result.outcome, result.reason, result.test.samples, *result.verdict.luminance, result=result)
+
+
+def _goes_along(gate: Gate) -> bool:
+    """Is the reference true at every depth?"""
+    return not no_depth(gate.reference, gate.scene)
 
 
 def _tolerance(tolerance: Tolerance, share: float) -> Tolerance:
@@ -143,7 +150,9 @@ def told(ladder: Ladder) -> str:
         parts.append(f"undecided at {', '.join(map(str, undecided))}")
     if wrong is not None:
         parts.append(f"wrong from {'' if before else 'depth '}{wrong.depth} on ({_light(wrong.depth)}): {_size(wrong)}")
-    elif ladder.top is not None:
+    elif ladder.rungs[-1].depth == ladder.top and right and not undecided:
+        return "right at every depth against Mitsuba, so the reference is in doubt"
+    elif ladder.top is not None and ladder.rungs[-1].depth != ladder.top:
         parts.append(f"wrong at {ladder.top}, the scene's ({_light(ladder.top)})")
     return ", ".join(parts)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from harness.files import write_atomically
-from harness.gates.artefacts import PICTURES
+from harness.gates.artefacts import ALL_PICTURES, PICTURES
 from harness.gates.records import as_json
 from harness.report.pages.frame import framed
 from harness.results import GateNumbers, GateRecord
@@ -87,7 +87,7 @@ def _section(result: GateRecord, folder: Path) -> str:
         lines.append(_ladder(result))
     if result.numbers:
         lines += [_tests(result.numbers),
-                  '<div class="pictures">', *(_figure(result.gate, picture) for picture in PICTURES
+                  '<div class="pictures">', *(_figure(result.gate, picture) for picture in ALL_PICTURES
                                               if (folder / result.gate / picture).exists()), "</div>"]
     return "\n".join(lines)
 

@@ -16,17 +16,7 @@ from PIL import Image
 
 from harness.errors import HarnessError
 from harness.gates import Gate, GateResult, load_gates, run_gate
-from harness.gates.artefacts import (
-    IMAGES,
-    LADDER,
-    PICTURES,
-    RESULT_FILE,
-    WRONG_DEPTH,
-    command,
-    error_record,
-    record,
-    save_result,
-)
+from harness.gates.artefacts import IMAGES, PICTURES, RESULT_FILE, command, error_record, record, save_result
 from harness.gates.records import as_json, from_json
 from harness.gates.summary import counted, percent, write_summary
 from harness.results import GateRecord
@@ -60,8 +50,7 @@ class TestFiles:
     """The folder of a gate."""
 
     def test_are_all_there(self, folder: Path) -> None:
-        ladder = {LADDER, WRONG_DEPTH}  # see test_ladder
-        assert {path.name for path in folder.iterdir()} == {*IMAGES, *PICTURES, RESULT_FILE} - ladder
+        assert {path.name for path in folder.iterdir()} == {*IMAGES, *PICTURES, RESULT_FILE}
 
     def test_images_are_the_estimates(self, folder: Path, failed: GateResult) -> None:
         for name, estimate in (("test", failed.test), ("reference", failed.reference)):

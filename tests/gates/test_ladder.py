@@ -150,6 +150,12 @@ class TestRealRenderers:
         lost = -(e * rho**2) / (e * (1 + rho + rho**2)) @ [1, 1, 1] / 3
         assert result.ladder.wrong.error == pytest.approx(lost, abs=0.08)
 
+    def test_a_closed_form_that_is_wrong_is_in_doubt(self, tmp_path: Path) -> None:
+        gate, = load_gates(write(tmp_path, self.CUBE.replace("0.75", "0.76"))).gates
+        result = run_gate(gate)
+        assert result.reason.endswith("; right at every depth against Mitsuba, so the reference is in doubt")
+        assert record(result).wrong_from is None
+
     def test_a_gate_without_ladder_says_why(self, tmp_path: Path) -> None:
         """A shader of one's own that does not heed MAX_DEPTH, and what has no word of depths."""
         (tmp_path / "own.frag").write_text("""uniform sampler2D pingpong0; uniform int numpass, samples_per_pass;

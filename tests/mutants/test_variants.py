@@ -27,9 +27,10 @@ def references() -> References:
 @pytest.mark.parametrize("gate", GATES, ids=lambda gate: gate.name)
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant.id)
 def test_no_gate_accuses_one(variant: Variant, gate: Gate, references: References) -> None:
+    """Noise that pixels share may leave one undecided, which is no accusation."""
     assert isinstance(gate.test, Tracer)
     result = run_gate(replace(gate, test=replace(gate.test, library=variant.applied())), references)
-    assert result.outcome == "pass", result.reason
+    assert result.outcome != "fail", result.reason
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant.id)
