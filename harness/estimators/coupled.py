@@ -16,11 +16,10 @@ class Coupled:
     """Mitsuba, by the random numbers and the strategy of `Tracer(strategy)`: batch for batch the same paths.
 
     Its image is unbiased like `Mitsuba`'s, and not independent of the tracer's: hold it against that alone, and judge
-    differences (`harness.stats.paired`). `max_depth`: in place of the file's.
+    differences (`harness.stats.paired`).
     """
 
     strategy: str = "mixture"
-    max_depth: int | None = None
 
     @property
     def name(self) -> str:
@@ -31,11 +30,15 @@ class Coupled:
         """What light the strategy never finds, in the tracer as here."""
         return check_strategy(load(scene), self.strategy).warning
 
+    def takes_depth(self, scene: SceneFile) -> str:
+        """Any depth reaches it."""
+        return ""
+
     @contextmanager
     def open(self, scene: SceneFile) -> Iterator[CoupledRenderer]:
         """HarnessError for an unknown strategy, SceneError for a scene outside our tracer's subset."""
         check_strategy(load(scene), self.strategy)
-        renderer = CoupledRenderer(scene, self.strategy, max_depth=self.max_depth)
+        renderer = CoupledRenderer(scene, self.strategy)
         try:
             yield renderer
         finally:

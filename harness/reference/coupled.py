@@ -95,13 +95,12 @@ class CoupledRenderer:
 
     traits = Traits()
 
-    def __init__(self, scene: SceneFile, strategy: str, *, max_depth: int | None = None) -> None:
-        """Instantiate the scene. `max_depth`: in place of the file's. SceneError for a scene outside our tracer's
+    def __init__(self, scene: SceneFile, strategy: str) -> None:
+        """Instantiate the scene. SceneError for a scene outside our tracer's
         subset: it has no paths to follow there."""
         self.reading: Scene = load(scene)
         self.scene = scene
         self.strategy = strategy
-        self.max_depth = max_depth or self.reading.max_depth
         self.draw = Draw(strategy, any(not is_black(shape.material.ks) for shape in self.reading.shapes))
         self.mi = use_reference_variant()
         whole = prepare(scene).scene
@@ -132,7 +131,7 @@ class CoupledRenderer:
             "renderer": "coupled",
             "scene": self.reading.content_hash,
             "strategy": self.strategy,
-            "max_depth": str(self.max_depth),
+            "max_depth": str(self.reading.max_depth),
             "mitsuba": metadata.version("mitsuba"),
             "drjit": metadata.version("drjit"),
             "code": code_digest(__name__),
@@ -288,7 +287,7 @@ class CoupledRenderer:
         mi = self.mi
         import drjit as dr
 
-        deepest = dr.opaque(mi.UInt32, self.max_depth)
+        deepest = dr.opaque(mi.UInt32, self.reading.max_depth)
 
         def vertex(state: Any, ray: Any, moment: Any, throughput: Any, radiance: Any, depth: Any, active: Any) -> Any:
             met = self.meet(ray, moment, active)

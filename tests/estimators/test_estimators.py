@@ -33,7 +33,7 @@ SCENE = SceneFile.bundled("furnace_convex", (8, 6))
 LINE = ("lib/phong.glsl", "return m.kd;", "return m.ks;")
 ESTIMATORS = [Tracer(), Tracer("cosine", OURS.with_line(*LINE)), Tracer(without=("lens",)),
               Tracer(shader=Path("own.frag"), folder=Path("own")), Mitsuba(), Mitsuba("path", 3, "llvm_ad_spectral"),
-              Coupled(), Coupled("cosine", 3),
+              Coupled(), Coupled("cosine"),
               Constant((0.5, 0.25, 1.0)), Images((Path("truth.exr"),))]
 
 

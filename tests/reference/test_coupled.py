@@ -112,7 +112,7 @@ def test_a_batch_is_the_mean_of_its_samples_however_they_are_divided(monkeypatch
 def test_depth_is_counted_as_in_the_file() -> None:
     """`max_depth` 1 is emission seen directly, and the file's own stands where none is given."""
     scene = SceneFile.bundled("furnace_cube", (8, 8))
-    with Coupled("cosine", max_depth=1).open(scene) as oracle:
+    with Coupled("cosine").open(scene.at_depth(1)) as oracle:
         np.testing.assert_allclose(oracle.render_batch(0, 0, 1).mean, np.broadcast_to([0.2, 0.4, 0.6], (8, 8, 3)),
                                    rtol=1e-6)
         assert oracle.identity["max_depth"] == "1"
@@ -158,7 +158,8 @@ def test_refuses_a_scene_outside_the_tracers_subset(tmp_path: Path) -> None:
 def test_is_told_apart_by_what_it_depends_on() -> None:
     scene = SceneFile.bundled("furnace_cube", (8, 8))
     identities = set()
-    for estimator, file in ((Coupled("cosine"), scene), (Coupled("uniform"), scene), (Coupled("cosine", 3), scene),
+    for estimator, file in ((Coupled("cosine"), scene), (Coupled("uniform"), scene),
+                            (Coupled("cosine"), scene.at_depth(3)),
                             (Coupled("cosine"), dataclasses.replace(scene, size=(9, 8)))):
         with estimator.open(file) as oracle:
             identities.add(tuple(sorted(oracle.identity.items())))
