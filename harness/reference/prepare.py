@@ -9,9 +9,10 @@ from typing import Any
 
 from harness.errors import SceneError
 from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
-from harness.reference.expand import expand_shapes
+from harness.reference.expand import expand_shapes, move_to_frame
 from harness.reference.plugins import register_plugins
 from harness.scene import Film, Scene, SceneFile, load
+from harness.scene.frame import framed
 from harness.scene.procedural import KINDS
 
 # What only the harness has words for: shapes and textures that must be expanded with our reading of the scene at hand.
@@ -51,6 +52,8 @@ def prepare(file: SceneFile, variant: str = REFERENCE_VARIANT) -> Prepared:
     film, state = file.film, file.parsed()
     reading = _reading(mi, file, state)
     if reading is not None:
+        move_to_frame(mi, state, reading)
+        reading = framed(reading)
         expand_shapes(mi, state, reading)
     integrator, max_depth = "path", None
     for node in state.nodes:
