@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.gpu.renderer import TracerRenderer
 from harness.reference.renderer import ReferenceRenderer
 from harness.scene import Scene, load_scene
 from harness.scene.frame import frame_of, seen
+from tests.support.tracer import TracerRenderer
 
 ALBEDO = 0.6
 # Of an answer without variance: float32 sums of 16 samples.
@@ -66,15 +66,23 @@ def turned() -> np.ndarray:
 
 
 def tilted(folder: Path, kind: str, *, unit: float = 1.0, shift: float = 0.0, distance: float = 6.0,
-           wide: float = 1.0) -> Scene:
-    """A tilted shape that fills the film; in a furnace every sample of it is its albedo, since it is convex."""
+           size: float = 1.0, behind: bool = False) -> Scene:
+    """A tilted shape that fills the film; in a furnace every sample of it is its albedo, since it is convex.
+
+    `behind`: there is a grain behind the camera, which so has to stay where it is.
+    """
     towards, half, middle = VIEWS[kind]
     place = [shift, -shift, shift]
     target = np.array(place) + unit * turned() @ np.array(middle)
     direction = turned() @ (np.array(towards) / np.linalg.norm(towards))
-    body = (f'<shape type="{kind}"><transform name="to_world">{TURN}<scale value="{unit * wide!r}"/><translate '
+    body = (f'<shape type="{kind}"><transform name="to_world">{TURN}<scale value="{size * unit!r}"/><translate '
             f'x="{place[0]!r}" y="{place[1]!r}" z="{place[2]!r}"/></transform>{GREY}</shape>')
-    return write(folder, body + FURNACE, target + unit * distance * direction, target,
+    origin = target + unit * distance * direction
+    if behind:
+        x, y, z = map(float, origin + unit * direction)
+        body += (f'<shape type="sphere"><point name="center" x="{x!r}" y="{y!r}" z="{z!r}"/>'
+                 f'<float name="radius" value="{1e-3 * unit!r}"/></shape>')
+    return write(folder, body + FURNACE, origin, target,
                  float(2 * np.degrees(np.arctan(half / distance))), unit=unit, far=1e6)
 
 
@@ -87,21 +95,22 @@ def test_tilted_shapes_in_a_furnace(tmp_path: Path, kind: str, case: str) -> Non
     np.testing.assert_allclose(image(scene), ALBEDO, rtol=EXACT)
 
 
-@pytest.mark.parametrize("kind", ["rectangle", "disk", "cylinder"])
-def test_wide_shapes_seen_from_afar(tmp_path: Path, kind: str) -> None:
-    """The shape reaches behind the camera, so rays start far off, and hits are projected. Before, a fifth was lost."""
-    scene = tilted(tmp_path, kind, distance=2000.0, wide=100.0 if kind == "cylinder" else 4000.0)
+@pytest.mark.parametrize("kind", VIEWS)
+def test_hits_that_rays_reach_from_afar(tmp_path: Path, kind: str) -> None:
+    """There is something behind the camera, so its rays start where it is, and hits are projected onto the shapes."""
+    scene = tilted(tmp_path, kind, distance=20000.0, size=2.0, behind=True)
     np.testing.assert_allclose(image(scene), ALBEDO, rtol=EXACT)
 
 
-@pytest.mark.parametrize("radius", [100.0, 1000.0, 3000.0, 10000.0])
+@pytest.mark.parametrize("radius", [100.0, 1000.0, 3000.0, 100000.0])
 def test_the_ground_is_a_large_sphere(tmp_path: Path, radius: float) -> None:
-    """As in Ray Tracing in One Weekend, seen from nearby. Before, both renderers lost light from radius 3000 on."""
-    body = (f'<shape type="sphere"><point name="center" x="0" y="{-radius}" z="0"/><float name="radius" '
+    """As in Ray Tracing in One Weekend, tilted, from nearby. Before, both renderers lost light from radius 3000 on."""
+    x, y, z = -radius * AXIS
+    body = (f'<shape type="sphere"><point name="center" x="{x}" y="{y}" z="{z}"/><float name="radius" '
             f'value="{radius}"/>{GREY}</shape>{FURNACE}')
-    scene = write(tmp_path, body, np.array([0, 1.6, 2]), np.zeros(3), 30.0)
+    scene = write(tmp_path, body, 1.6 * AXIS + np.array([1.6, 0, -1.2]), np.zeros(3), 30.0)
     np.testing.assert_allclose(image(scene), ALBEDO, rtol=EXACT)
-    if radius <= 3000:  # beyond, the reference warns: see tests/reference/test_frame.py
+    if radius <= 3000:  # beyond, the reference loses light, and warns
         np.testing.assert_allclose(reference(scene), ALBEDO, rtol=EXACT)
 
 
@@ -199,3 +208,12 @@ def test_the_frame_of_a_tiny_scene_far_off(tmp_path: Path) -> None:
     points, _ = seen(scene)
     np.testing.assert_allclose(frame.matrix[:3, :3] @ np.median(points, axis=0) + frame.matrix[:3, 3], 0, atol=1e-9)
     np.testing.assert_allclose(frame.inverse @ frame.matrix, np.eye(4), atol=1e-12)
+
+
+def test_the_reference_warns_of_what_no_frame_mends(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A ground of radius 100,000, of which a few units are seen; not one of radius 1000."""
+    for radius in (1e3, 1e5):
+        body = (f'<shape type="sphere"><point name="center" x="0" y="{-radius}" z="0"/>'
+                f'<float name="radius" value="{radius}"/>{GREY}</shape>{FURNACE}')
+        ReferenceRenderer(write(tmp_path, body, np.array([0, 1.6, 2]), np.zeros(3), 30.0).file).release()
+        assert ("of the width of what is seen" in caplog.text) == (radius == 1e5)
