@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+from scipy import special
 
 from harness.checks.chi2 import COUNT
 from harness.checks.finding import LEVEL, Finding, shared_level
@@ -33,7 +33,7 @@ def weight(draw: Callable[[np.ndarray], np.ndarray], expected: ArrayLike, *, cou
     mean, error = weights.mean(axis=0), weights.std(axis=0, ddof=1) / np.sqrt(len(weights))
     off = np.maximum(np.abs(mean - exact) - rounding, 0) / np.maximum(error, 1e-300)
     channel = int(off.argmax())
-    p = float(2 * stats.norm.sf(off[channel]))
+    p = float(2 * special.ndtr(-off[channel]))
     passed = p > shared_level(level, len(off))
     of = f" of channel {channel}" if len(off) > 1 else ""
     sentence = (f"the mean weight{of} is {mean[channel]:.6g} ± {error[channel]:.2g}, expected {exact[channel]:.6g}, "

@@ -163,7 +163,10 @@ def pip() -> List[str]:
 
 
 def uv() -> List[str]:
-    return [os.path.join(VENV, "bin", "uv"), "pip", "install", "--quiet", "--python", PYTHON]
+    # Where Python may not write bytecode (containers often say so), each command would compile a thousand modules anew:
+    # a warm report took 26 s of CPU time in place of 11. Elsewhere the first run of a command writes what it needs.
+    compiled = ["--compile-bytecode"] if os.environ.get("PYTHONDONTWRITEBYTECODE") else []
+    return [os.path.join(VENV, "bin", "uv"), "pip", "install", "--quiet", *compiled, "--python", PYTHON]
 
 
 def uv_environment() -> Dict[str, str]:

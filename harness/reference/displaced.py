@@ -28,13 +28,13 @@ from harness.scene.model import Displacement, Shape
 # which is what the samples tell apart; MESH_TOLERANCE is fifty times that.
 NORMAL_ERROR = 4e-3
 # Cells along an edge of the cube to choose from. 256 are 800,000 triangles, 20 MB on disk, and take Mitsuba 0.1 GB; the
-# finest are 3.1 million, 80 MB, and 0.4 GB.
-RESOLUTIONS = (128, 256, 512)
+# finest are 3.1 million, 80 MB, and 0.4 GB. Size and error both go with the square, so the steps are small.
+RESOLUTIONS = range(128, 513, 32)
 # Triangles at whose middle the error is measured.
 PROBES = 20_000
 # Directions evaluated at once: each takes about half a kilobyte.
 CHUNK = 1 << 17
-# Bytes of meshes beyond which those unused for longest are removed: the scenes that come with the harness have 206 MB,
+# Bytes of meshes beyond which those unused for longest are removed: the scenes that come with the harness have 163 MB,
 # and each change of the code that makes them makes others. None of the last hour: Mitsuba may be about to read it.
 LIMIT, SPARED_SECONDS = 1 << 28, 3600.0
 
