@@ -37,7 +37,7 @@ float hit_large_sphere(vec3 o, vec3 d, vec3 anchor, vec3 arm, float power)
     float other = start / sum;
     float near = min(sum, other);
     float t = near > 0.0 ? near : max(sum, other);
-    return discriminant >= 0.0 && t > 0.0 ? t : NO_HIT;
+    return t > 0.0 && discriminant >= 0.0 ? t : NO_HIT;
 }
 
 // [-1,1]² in the object-space plane z = 0.
