@@ -145,9 +145,9 @@ class CommandRenderer:
         """Any two seeds that give one image, unless it is without noise at all."""
         other = self._seen.setdefault(digest(image), seed)
         if other != seed:
-            raise self._error(f"gave the same image for seeds {other} and {seed}, so its runs cannot be told apart; let "
-                              "the seed reach its random numbers (an image without noise: keep one file, and compare "
-                              "that)")
+            raise self._error(f"gave the same image for seeds {other} and {seed}, so its runs cannot be told apart; "
+                              "let the seed reach its random numbers (an image without noise: keep one file, and "
+                              "compare that)")
 
     def _run(self, seed: int, spp: int, out: Path) -> None:
         values = {"scene": self._scene.path, "spp": spp, "seed": seed, "out": out, "width": self._film.width,

@@ -39,8 +39,8 @@ def require_independent(names: Sequence[str], images: Sequence[np.ndarray],
         raise HarnessError(f"{twins[0]} and {twins[1]} hold the same pixels, so they are not two runs: give each a "
                            "seed of its own (a render without noise needs one file only)")
     if len(images) < 4 and (twins := _scaled(names, images)):
-        raise HarnessError(f"{twins[0]} and {twins[1]} hold the same pixels but for a factor, so they are not two runs: "
-                           "give each a seed of its own, and leave all as they were rendered")
+        raise HarnessError(f"{twins[0]} and {twins[1]} hold the same pixels but for a factor, so they are not two "
+                           "runs: give each a seed of its own, and leave all as they were rendered")
     known = all(samples) and len(samples) == len(images)
     if len(images) < 3 or (len(images) == 3 and known and len(set(samples)) > 1):
         return []

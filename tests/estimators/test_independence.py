@@ -29,8 +29,8 @@ def names(count: int) -> list[str]:
 
 
 @pytest.mark.parametrize("samples", [
-    (4, 4), (4, 4, 4), (1, 4, 64), (4,) * 4, (1, 4, 16, 64), (64, 64, 64, 1), (1, 1, 1, 1000), (64, 64, 1, 1), (1, 1, 1, 16, 64, 64),
-    (2, 3) * 8])
+    (4, 4), (4, 4, 4), (1, 4, 64), (4,) * 4, (1, 4, 16, 64), (64, 64, 64, 1), (1, 1, 1, 1000),
+    (64, 64, 1, 1), (1, 1, 1, 16, 64, 64), (2, 3) * 8])
 @pytest.mark.parametrize("seed", [0, 100, 200])
 def test_independent_runs_are_not_accused_whatever_their_lengths(samples: tuple[int, ...], seed: int) -> None:
     assert require_independent(names(len(samples)), runs(*samples, seed=seed), samples) == []

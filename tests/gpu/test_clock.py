@@ -1,10 +1,11 @@
-"""On hardware the clock that counts is the device's: timer queries about each draw, as this driver's are stood in for."""
+"""On hardware the clock that counts is the device's: timer queries about each draw (here stand-ins)."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import moderngl
 import pytest
@@ -25,7 +26,7 @@ CARD = {"GL_RENDERER": "A Card 4000/PCIe", "GL_VERSION": "4.6.0", "GL_VENDOR": "
 class Query:
     """A timer query; `made` are all of them."""
 
-    made: list[Query] = []
+    made: ClassVar[list[Query]] = []
 
     def __init__(self) -> None:
         self.made.append(self)
