@@ -12,6 +12,7 @@ _HOMES = {
     "Batch": "harness.samples.estimate", "Estimate": "harness.samples.estimate",
     "HarnessError": "harness.errors", "MachineError": "harness.errors",
     "Command": "harness.estimators.command", "Constant": "harness.estimators.constant",
+    "Coupled": "harness.estimators.coupled",
     "Images": "harness.estimators.images", "Mitsuba": "harness.estimators.mitsuba",
     "Tracer": "harness.estimators.tracer",
     "Library": "harness.shader.library",

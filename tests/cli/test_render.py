@@ -25,6 +25,19 @@ SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
 SMALL = ("--size", "16x12", "--spp", "4")
 
 
+@pytest.mark.parametrize("command", ["render", "reference"])
+def test_the_depth_is_the_one_asked_for(harness: Harness, command: str) -> None:
+    """Of the closed cube E at depth 1, E (1 + ρ) at depth 2: the tracer's exactly, Mitsuba samples the walls' light."""
+    tolerance = 1e-4 if command == "render" else 0.05
+    scene = data_dir("mitsuba_scenes") / "furnace_cube.xml"
+    for depth, expected in ((1, (0.2, 0.4, 0.6)), (2, (0.36, 0.6, 0.78))):
+        done = harness(command, scene, *SMALL, "--max-depth", depth, "--json", "-o", "x.exr")
+        assert done.json["scene"] == f"furnace_cube max_depth={depth}"
+        found = [done.json["mean"][name] for name in ("red", "green", "blue")]
+        np.testing.assert_allclose(found, expected, rtol=tolerance)
+    assert harness(command, scene, "--max-depth", 0).status == 2
+
+
 class TestExr:
     """Any viewer opens it, and it says where it comes from."""
 
