@@ -1,4 +1,4 @@
-"""The benchmark: tracer and Mitsuba, or tracer and tracer, interleaved on the same cores in one run, by CPU time."""
+"""The benchmark: tracer and Mitsuba, or tracer and tracer, interleaved in one run, by their devices' clocks."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Case:
     scene: str
     strategy: str
     opponent: str
-    needed: float  # ratio of samples per CPU second that the design asks for
+    needed: float  # ratio of samples per second that the design asks for
 
 
 # `path` samples light sources as well; `bsdf_path` is the tracer's own algorithm written as a Mitsuba integrator.
@@ -65,8 +65,8 @@ class _Lane:
         self._renderer = renderer
         self._pixels = pixels
         self._samples = Accumulator()
-        self.cpu: list[float] = []   # samples per CPU second, one per round
-        self.wall: list[float] = []  # samples per second
+        self.rate: list[float] = []  # samples per second of the clock that counts, one per round
+        self.wall: list[float] = []  # samples per elapsed second
         renderer.render_batch(0, 0, PILOT_SPP)
         began = time.perf_counter()
         renderer.render_batch(0, PILOT_SPP, PILOT_SPP)
@@ -77,14 +77,14 @@ class _Lane:
         began = time.perf_counter()
         batch = self._renderer.render_batch(1, round_number * self._spp, self._spp)
         wall = time.perf_counter() - began
-        self.cpu.append(self._pixels * self._spp / batch.cost.seconds)
+        self.rate.append(self._pixels * self._spp / batch.cost.seconds)
         self.wall.append(self._pixels * self._spp / wall)
         self._samples.add(batch)
 
     def efficiency(self) -> float:
-        """1 / (variance of one sample, mean over pixels, x CPU seconds of one sample)."""
+        """1 / (variance of one sample, mean over pixels, x seconds of one sample)."""
         estimate = self._samples.estimate()
-        return statistics.median(self.cpu) / (float(estimate.variance.mean()) * estimate.samples)
+        return statistics.median(self.rate) / (float(estimate.variance.mean()) * estimate.samples)
 
 
 def run(cases: Sequence[Case] = CASES, rounds: int = 7, progress: Progress = quiet) -> list[BenchRow]:
@@ -105,11 +105,11 @@ def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Bench
             ours.measure(number)
             theirs.measure(number)
             advance(1)
-    ratios = [a / b for a, b in zip(ours.cpu, theirs.cpu, strict=True)]
+    ratios = [a / b for a, b in zip(ours.rate, theirs.rate, strict=True)]
     walls = [a / b for a, b in zip(ours.wall, theirs.wall, strict=True)]
     return BenchRow(
         **asdict(case),
-        tracer_rate=statistics.median(ours.cpu) / 1e6, opponent_rate=statistics.median(theirs.cpu) / 1e6,
+        tracer_rate=statistics.median(ours.rate) / 1e6, opponent_rate=statistics.median(theirs.rate) / 1e6,
         ratio=statistics.median(ratios), low=min(ratios), high=max(ratios), wall_ratio=statistics.median(walls),
         efficiency_ratio=ours.efficiency() / theirs.efficiency())
 

@@ -233,11 +233,12 @@ class Exhibit:
 
 @dataclass(frozen=True)
 class BenchRow:
-    """A measured case of `harness bench`. Rates in million samples (paths) per CPU second, medians over the rounds.
+    """A measured case of `harness bench`. Rates in million samples (paths) per second, medians over the rounds, by the
+    clock that counts on the device (`samples.cost.Cost.seconds`).
 
     `ratio`: tracer's rate over the opponent's, the median of the rounds' own ratios, `low` and `high` their extremes.
-    `wall_ratio`: the same by elapsed time. `efficiency_ratio`: of 1 / (variance x CPU time), so it also counts how
-    noisy a sample is: how much faster the tracer reaches the same error.
+    `wall_ratio`: the same by elapsed time. `efficiency_ratio`: of 1 / (variance x time), so it also counts how noisy a
+    sample is: how much faster the tracer reaches the same error.
     """
 
     scene: str

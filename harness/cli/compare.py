@@ -14,6 +14,7 @@ from harness.cli.options import (
     SCENE_HASH,
     CacheOption,
     ConfidenceOption,
+    DeviceOption,
     SizeOption,
     ToleranceOption,
     warn_of_other_scene,
@@ -52,6 +53,7 @@ def compare(
         "A parameter (<default>) of the scene; may be given several times."))] = None,
     size: SizeOption = None,
     cache: CacheOption = True,
+    device: DeviceOption = None,
     tolerance: ToleranceOption = 0.002,
     confidence: ConfidenceOption = 0.95,
     exposure: Annotated[float | None, typer.Option(min=-MAX_EXPOSURE, max=MAX_EXPOSURE, help="Stops, for the display "

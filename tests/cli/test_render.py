@@ -11,11 +11,12 @@ import OpenEXR
 import pytest
 from PIL import Image
 
+from harness.cli.render import _speed
 from harness.errors import MachineError
 from harness.files import data_dir
 from harness.gpu.renderer import TracerRenderer
 from harness.samples.cost import Cost
-from harness.samples.estimate import Batch
+from harness.samples.estimate import Batch, merge
 from harness.samples.exr import read_estimate
 from harness.samples.tone import encode_srgb
 from harness.scene import load_scene
@@ -23,6 +24,13 @@ from tests.cli.conftest import Harness
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
 SMALL = ("--size", "16x12", "--spp", "4")
+
+
+def test_samples_of_several_devices_have_no_speed() -> None:
+    """Their seconds have no sum; the line says so in place of a NaN."""
+    drawn = [Batch(np.ones((2, 2, 3), np.float32), 4, 0, Cost(1.0, 2.0, None, device, "cpu")) for device in "ab"]
+    assert _speed(merge(drawn[:1])) == "8e-06 million samples a CPU second"
+    assert _speed(merge(drawn)).startswith("speed unknown: ")
 
 
 class TestExr:
