@@ -98,7 +98,7 @@ class Command:
 class CommandRenderer:
     """Each replica is one run with a seed of its own. Two runs that are the same image are refused."""
 
-    traits = Traits(streams="runs", counts=False)
+    traits = Traits(streams="runs")
 
     def __init__(self, command: Command, scene: SceneFile, folder: Path) -> None:
         self._command, self._scene, self._folder = command, scene, folder
