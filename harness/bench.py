@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-from harness.errors import StoreError
 from harness.estimators.base import Estimator, Renderer
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
-from harness.files import write_atomically
 from harness.progress import Progress, quiet
 from harness.results import BenchRow
+from harness.samples import json
 from harness.samples.estimate import Accumulator
 from harness.scene import SceneFile
 from harness.work.provenance import versions
@@ -123,21 +120,10 @@ def _opponent(case: Case) -> Estimator:
 
 def save(rows: Sequence[BenchRow], path: Path) -> None:
     """Write the rows and the versions they were measured with as JSON, for the report."""
-    with write_atomically(path) as partial:
-        content = {"rows": [asdict(row) for row in rows], "versions": versions()}
-        partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    json.save(path, {"rows": list(rows), "versions": versions()})
 
 
 def load(path: Path) -> list[BenchRow]:
     """The rows that `save` wrote; StoreError where the file is not one."""
-    try:
-        return [_row(held) for held in json.loads(path.read_text(encoding="utf-8"))["rows"]]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"{path}: not a benchmark result ({type(error).__name__}: {error}); run `harness bench` again"
-                         ) from None
-
-
-def _row(held: Mapping[str, Any]) -> BenchRow:
-    values: dict[str, Any] = {field.name: (str if field.type == "str" else float)(held[field.name])
-                              for field in fields(BenchRow)}
-    return BenchRow(**values)
+    return json.load(path, lambda held: [json.built(BenchRow, row) for row in held["rows"]],
+                     what="a benchmark result", mend="run `harness bench` again")
