@@ -11,11 +11,12 @@ import OpenEXR
 import pytest
 from PIL import Image
 
+from harness.cli.render import _speed
 from harness.errors import MachineError
 from harness.files import data_dir
 from harness.gpu.renderer import TracerRenderer
 from harness.samples.cost import Cost
-from harness.samples.estimate import Batch
+from harness.samples.estimate import Batch, merge
 from harness.samples.exr import read_estimate
 from harness.samples.tone import encode_srgb
 from harness.scene import load_scene
@@ -36,6 +37,13 @@ def test_the_depth_is_the_one_asked_for(harness: Harness, command: str) -> None:
         found = [done.json["mean"][name] for name in ("red", "green", "blue")]
         np.testing.assert_allclose(found, expected, rtol=tolerance)
     assert harness(command, scene, "--max-depth", 0).status == 2
+
+
+def test_samples_of_several_devices_have_no_speed() -> None:
+    """Their seconds have no sum; the line says so in place of a NaN."""
+    drawn = [Batch(np.ones((2, 2, 3), np.float32), 4, 0, Cost(1.0, 2.0, None, device, "cpu")) for device in "ab"]
+    assert _speed(merge(drawn[:1])) == "8e-06 million samples a CPU second"
+    assert _speed(merge(drawn)).startswith("speed unknown: ")
 
 
 class TestExr:
