@@ -186,11 +186,25 @@ class RungRecord:
 
 
 @dataclass(frozen=True)
+class AgreementRecord:
+    """Of single samples of a coupled gate, the share that differs from its twin, with its interval."""
+
+    outcome: Outcome
+    reason: str
+    tolerance: float
+    threshold: float
+    share: float
+    low: float
+    high: float
+    samples: int
+
+
+@dataclass(frozen=True)
 class GateNumbers:
     """What a gate measured. `error`, `low`, `high`: of the image's mean, per channel, at `confidence`.
 
     `tests`: 'mean', 'coarse' and 'fine'. `samples` per pixel were drawn of a `budget`; `not_finite` of the whole image
-    were left out. `fail_level`: the gate's share of its family's false alarms.
+    were left out. `fail_level`: the gate's share of its family's false alarms. `agreement`: of a coupled gate.
     """
 
     error: tuple[float | None, ...]
@@ -205,6 +219,7 @@ class GateNumbers:
     not_finite: int
     fail_level: float
     seconds: float
+    agreement: AgreementRecord | None = None
 
     @property
     def luminance(self) -> tuple[float | None, float | None, float | None]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.gates import Gate, GatesFile, References
 from harness.gates.budget import too_small
+from harness.gates.coupled import agreed
 from harness.gates.runner import check_gate, opened
 from harness.progress import Progress, quiet
 from harness.samples.store import Store
@@ -98,8 +99,10 @@ def gather(gates: Sequence[Gate], store: Store | None = None, progress: Progress
             film = check_gate(gate)
             theirs = references.of(gate)
             drawn = min(BUDGETS * gate.replicas, MAX_BATCHES)
-            theirs.grow(drawn if paired_plan(gate) else gate.replicas)
+            theirs.grow(drawn if gate.paired else gate.replicas)
             with opened(gate) as renderer:
+                if gate.paired:
+                    gate, _ = agreed(gate, renderer, theirs.renderer)
                 ours = Run(renderer, gate.spp)
                 ours.grow(drawn)
             estimate = ours.estimate()
@@ -111,14 +114,8 @@ def gather(gates: Sequence[Gate], store: Store | None = None, progress: Progress
     return banks
 
 
-def paired_plan(gate: Gate) -> PairedLooking | None:
-    """The plan of a gate whose reference draws the same random numbers; None of another."""
-    plan: object = gate.sequence
-    return plan if isinstance(plan, PairedLooking) else None
-
-
 def _bank(gate: Gate, ours: TileSamples, run: Run | FixedRun) -> GateBank:
-    if paired := paired_plan(gate):
+    if paired := gate.paired:
         theirs = run.tiles(len(ours.samples))
         return GateBank(gate, *mirrored(ours, theirs), True, paired)
     theirs = run.tiles(gate.replicas)

@@ -23,9 +23,10 @@ from harness.gates.records import as_json
 from harness.report.figures.pictures import DIFFERENCE_MAP, difference_map, robust_limit, tile_pixels
 from harness.report.figures.style import TOLERANCE_COLOUR, strategy_style
 from harness.report.figures.svg import blank, png, svg
-from harness.results import GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord, RungRecord
+from harness.results import AgreementRecord, GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord, RungRecord
 from harness.samples.exr import write_estimate
 from harness.samples.images import write_png
+from harness.stats.agreement import AgreementVerdict
 from harness.stats.bias import Outcome
 from harness.stats.findings import largest_deviates
 
@@ -106,7 +107,7 @@ def record(result: GateResult) -> GateRecord:
         curve=tuple(PointRecord(point.samples, *_numbers((point.error, point.low, point.high, point.tile_rmse)))
                     for point in result.curve),
         samples=result.test.samples, budget=gate.spp * gate.replicas, not_finite=result.test.rejected,
-        fail_level=gate.fail_level, seconds=round(result.seconds, 3))
+        fail_level=gate.fail_level, seconds=round(result.seconds, 3), agreement=_agreement(result.agreement))
     told = replace(_record(gate, result.outcome, result.reason), numbers=numbers)
     if result.ladder is None:
         return told
@@ -125,6 +126,13 @@ def _wrong_from(ladder: Ladder) -> int | None:
 def _record(gate: Gate, outcome: Outcome | Literal["error"], reason: str) -> GateRecord:
     return GateRecord(gate.name, outcome, reason, why=gate.reason, scene=gate.scene.name, strategy=gate.strategy,
                       origin=gate.origin, command=command(gate))
+
+
+def _agreement(found: AgreementVerdict | None) -> AgreementRecord | None:
+    if found is None:
+        return None
+    return AgreementRecord(found.outcome, found.reason, found.tolerance, found.threshold, found.share, found.low,
+                           found.high, found.samples)
 
 
 def _numbers(values: Iterable[float]) -> tuple[float | None, ...]:

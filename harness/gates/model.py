@@ -13,9 +13,11 @@ from harness.errors import HarnessError
 from harness.estimators.base import Estimator
 from harness.samples.estimate import Estimate
 from harness.scene import SceneFile
+from harness.stats.agreement import AgreementVerdict
 from harness.stats.bias import Outcome
 from harness.stats.channels import Channel
-from harness.stats.levels import Looks
+from harness.stats.levels import Looks, family_level
+from harness.stats.paired import PairedLooking
 from harness.stats.sequential import Looking
 from harness.stats.verdicts import BiasVerdict, TileVerdict, Tolerance
 
@@ -42,6 +44,8 @@ class Gate:
     `pass_level` are those of `stats.sequential.Looking`, the former this gate's share of its family's. `origin`: file
     and line, where messages point; `entry`: the name of the entry of the file, which stands for one gate a strategy.
     `at_once`: all replicas are there from the beginning (images in files), so there is one look, at all of them.
+    `agreement`: of a gate whose reference draws the test's own random numbers (a *coupled* gate), the share of samples
+    that may differ, None of others; `largest`: what a single sample of it may be, per channel, known once it runs.
     """
 
     name: str
@@ -59,6 +63,8 @@ class Gate:
     origin: str
     not_finite: float = 0.0
     at_once: bool = False
+    agreement: float | None = None
+    largest: tuple[float, ...] | None = None
 
     @property
     def strategy(self) -> str:
@@ -71,10 +77,26 @@ class Gate:
         return (self.replicas,) if self.at_once else tuple(self.replicas // share for share in LOOK_SHARES)
 
     @property
+    def plan(self) -> Looks:
+        """The looks in samples per pixel."""
+        return Looks(tuple(self.spp * replicas for replicas in self.looks))
+
+    @property
     def sequence(self) -> Looking:
         """The verdicts at these looks, and the error rates that they share."""
-        return Looking(Looks(tuple(self.spp * replicas for replicas in self.looks)), self.tolerance, self.fail_level,
-                       self.pass_level)
+        return Looking(self.plan, self.tolerance, self.fail_level, self.pass_level)
+
+    @property
+    def paired(self) -> PairedLooking | None:
+        """The same of a coupled gate, None of another; half of its false alarms are left to the agreement."""
+        if self.agreement is None:
+            return None
+        return PairedLooking(self.plan, self.tolerance, self.half_level, self.pass_level, self.largest)
+
+    @property
+    def half_level(self) -> float:
+        """What each of two tests may spend of the false alarms."""
+        return family_level(self.fail_level, 2)
 
     def error(self, message: str) -> HarnessError:
         """A HarnessError that begins with where the gate stands and which it is."""
@@ -166,6 +188,7 @@ class GateResult:
     of the image and of every tile lies within its tolerance at the gate's confidence, so a bias as large as a tolerance
     passes with probability `pass_level` / 2 at the most: a gate that cannot see so far does not pass.
     `seconds` is wall time, the reference included. `ladder`: of a gate that failed, unless it was not asked for.
+    `agreement`: of a coupled gate.
     """
 
     gate: Gate
@@ -178,6 +201,7 @@ class GateResult:
     exposure: float
     seconds: float
     ladder: Ladder | None = None
+    agreement: AgreementVerdict | None = None
 
     @property
     def verdict(self) -> BiasVerdict:

@@ -1,7 +1,7 @@
 """From a TOML file to gates: every key typed and checked, and whatever is wrong refused with file and line.
 
-A file has tables [suite] (false_alarms), [defaults] (any key of a gate but name, scene and reason) and, for each gate
-or for several strategies of one, [[gate]]:
+A file has tables [suite] (false_alarms), [defaults] (any key of a gate but name, scene and reason), [coupled] (the
+same, for gates whose reference is coupled) and, for each gate or for several strategies of one, [[gate]]:
 
     name         a folder's name; of a list of strategies each is called NAME-STRATEGY
     scene        a Mitsuba scene file (.xml), or the name of one that is bundled with the harness
@@ -15,7 +15,9 @@ or for several strategies of one, [[gate]]:
     replicas     the most that are drawn; with spp the budget
     size         [width, height], the film's own if not given
     max_depth    vertices of a path at most, of the test and of Mitsuba's reference; the scene's own if not given
-    reference    { spp } of Mitsuba for each replica, { file } (.exr), or { value } (one colour for all pixels)
+    reference    { spp } of Mitsuba for each replica, { file } (.exr), { value } (one colour for all pixels), or
+                 { coupled = true }: Mitsuba on the very paths of the strategy, by its own random numbers
+    agreement    of coupled gates: the share of samples that may differ by more than 0.1 % of themselves
     confidence   of the intervals that must lie within the tolerance
     not_finite   the share of samples that may be neither finite nor counted
     timeout      seconds that a run of the command may take
@@ -39,6 +41,7 @@ from harness.errors import HarnessError
 from harness.estimators.base import Estimator
 from harness.estimators.command import TIME_LIMIT, Command
 from harness.estimators.constant import Constant
+from harness.estimators.coupled import Coupled
 from harness.estimators.images import Images
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
@@ -54,17 +57,20 @@ from harness.gates.model import (
 )
 from harness.scene.file import MAX_DEPTH_LIMIT, SceneFile
 from harness.shader.strategies import STRATEGIES
+from harness.stats.agreement import SHARE
 from harness.stats.levels import family_level
+from harness.stats.paired import COUPLED, check_paired_tolerance
 from harness.stats.verdicts import Tolerance
 
 # What a gate has that neither it nor the file's [defaults] mention.
 DEFAULTS: dict[str, Any] = {"spp": 32, "replicas": 64, "reference": {"spp": 32}, "confidence": 0.95, "not_finite": 0.0}
+COUPLED_DEFAULTS: dict[str, Any] = DEFAULTS | {"spp": 64, "tolerance": dataclasses.asdict(COUPLED), "agreement": SHARE}
 # The whole file raises a false alarm with at most this probability, unless its [suite] says otherwise.
 FALSE_ALARMS = 0.01
 MAX_SPP = 1 << 16  # of one replica
 
 _GATE_KEYS = ("name", "scene", "strategy", "reason", "tolerance", "spp", "replicas", "size", "max_depth", "reference",
-              "confidence", "not_finite", "command", "images", "timeout", "shader", "glsl")
+              "confidence", "not_finite", "agreement", "command", "images", "timeout", "shader", "glsl")
 # Of which a gate has one: what it judges.
 _JUDGED = ("strategy", "command", "images")
 _OWN_KEYS = ("name", "scene", "reason")  # which have no default
@@ -75,13 +81,15 @@ def load_gates(path: str | Path) -> GatesFile:
     """Read a gates file. HarnessError, in one line with file and line, for anything that no gate can be made of."""
     path = Path(path)
     root = _Table(path, *_parse(path), ())
-    root.only("suite", "defaults", "gate")
+    root.only("suite", "defaults", "coupled", "gate")
     suite = root.table("suite")
     suite.only("false_alarms")
     false_alarms = suite.number("false_alarms", FALSE_ALARMS, low=0.0, high=0.5)
     defaults = root.table("defaults")
     defaults.only(*(key for key in _GATE_KEYS if key not in _OWN_KEYS))
-    gates = [gate for entry in root.tables("gate") for gate in _gates(entry, defaults)]
+    coupled = root.table("coupled")
+    coupled.only(*(key for key in _GATE_KEYS if key not in _OWN_KEYS))
+    gates = [gate for entry in root.tables("gate") for gate in _gates(entry, defaults, coupled)]
     if not gates:
         raise HarnessError(f"{path}:1: no gate in this file; add a [[gate]] with name, scene, strategy and reason")
     seen: dict[str, Gate] = {}
@@ -111,7 +119,7 @@ def _parse(path: Path) -> tuple[dict[str, Any], Lines]:
         raise HarnessError(f"{path}:{line}: malformed TOML: {message.partition(' (at')[0]}") from None
 
 
-def _gates(entry: _Table, defaults: _Table) -> Iterator[Gate]:
+def _gates(entry: _Table, defaults: _Table, coupled: _Table) -> Iterator[Gate]:
     """The gates of one entry: one for each strategy, with its name appended where there is a list of them."""
     entry.only(*_GATE_KEYS)
     name = entry.text("name")
@@ -120,18 +128,28 @@ def _gates(entry: _Table, defaults: _Table) -> Iterator[Gate]:
                                   f"'{name}'")
     reason = entry.text("reason")
     path = _scene(entry)
-    merged = entry.over(defaults)
+    follows = _is_coupled(entry)
+    merged = entry.over(coupled if follows else defaults, COUPLED_DEFAULTS if follows else DEFAULTS)
     depth = merged.integer("max_depth", 1, MAX_DEPTH_LIMIT) if "max_depth" in merged.values else None
     scene = SceneFile(path, size=_size(merged), max_depth=depth)
-    reference, reference_spp = _reference(merged)
+    if not follows and "agreement" in entry.values:
+        raise entry.error("agreement", "'agreement' is of gates with reference = { coupled = true }; others draw "
+                                       "numbers of their own, and no sample has a twin")
     for label, test in _judged(merged, scene):
+        reference, reference_spp = _reference(merged, test)
         files = len(test.files) if isinstance(test, Images) else 0
         yield Gate(
             name=f"{name}-{label}" if label else name, entry=name, scene=scene, reason=reason, test=test,
             reference=reference, reference_spp=reference_spp, tolerance=_tolerance(merged),
             spp=merged.integer("spp", 1, MAX_SPP), replicas=files or _replicas(merged), at_once=bool(files),
             fail_level=FALSE_ALARMS, pass_level=1 - merged.number("confidence", low=0.5, high=1.0),
-            not_finite=merged.number("not_finite", low=0.0, high=1.0, or_low=True), origin=entry.origin())
+            not_finite=merged.number("not_finite", low=0.0, high=1.0, or_low=True), origin=entry.origin(),
+            agreement=merged.number("agreement", SHARE, low=0.0, high=1.0) if follows else None)
+
+
+def _is_coupled(entry: _Table) -> bool:
+    reference = entry.values.get("reference")
+    return isinstance(reference, dict) and "coupled" in reference
 
 
 def _judged(table: _Table, scene: SceneFile) -> Iterator[tuple[str, Estimator]]:
@@ -228,13 +246,15 @@ def _size(table: _Table) -> tuple[int, int] | None:
     return found[0], found[1]
 
 
-def _reference(table: _Table) -> tuple[Estimator, int]:
+def _reference(table: _Table, test: Estimator) -> tuple[Estimator, int]:
     """What a gate is held against, and its samples per pixel for each replica of the test."""
     given = table.table("reference")
-    given.only("spp", "file", "value")
+    given.only("spp", "file", "value", "coupled")
     if len(given.values) != 1:
         raise table.error("reference", 'expected one of { spp = 32 }, { file = "truth.exr" }, { value = [1, 1, 1] }, '
-                                       f"found {len(given.values)} keys")
+                                       f"{{ coupled = true }}, found {len(given.values)} keys")
+    if "coupled" in given.values:
+        return _coupled(table, given, test), table.integer("spp", 1, MAX_SPP)
     if "spp" in given.values:
         return Mitsuba(), given.integer("spp", 1, MAX_SPP)
     if "file" in given.values:
@@ -243,6 +263,26 @@ def _reference(table: _Table) -> tuple[Estimator, int]:
     if not (isinstance(value, list) and len(value) == 3 and all(_is_number(v) and v >= 0 for v in value)):
         raise given.error("value", f"expected [red, green, blue], each zero or more, found {value}")
     return Constant((float(value[0]), float(value[1]), float(value[2]))), 1
+
+
+def _coupled(table: _Table, given: _Table, test: Estimator) -> Coupled:
+    """The oracle on the test's own paths, where it has any that can be followed."""
+    if given.values["coupled"] is not True:
+        raise given.error("coupled", f"expected true, found {given.values['coupled']!r}")
+    plain = "hold it against reference = { spp = 32 } instead"
+    if not isinstance(test, Tracer):
+        raise table.error("reference", f"only our tracer's paths can be followed, and what is judged is {test.name}; "
+                                       f"{plain}")
+    if test.shader is not None and not re.search(r'#\s*include\s*"lib/path\.glsl"', test.shader.read_text("utf-8")):
+        raise table.error("shader", f"{test.shader} traces paths of its own (it does not include lib/path.glsl), which "
+                                    f"cannot be followed; {plain}")
+    try:
+        check_paired_tolerance(_tolerance(table))
+    except HarnessError as error:
+        if str(error).startswith(f"{table.path}:"):
+            raise
+        raise table.error("tolerance", str(error)) from None
+    return Coupled(test.strategy)
 
 
 class _Table:
@@ -259,9 +299,9 @@ class _Table:
     def origin(self) -> str:
         return f"{self.path}:{self.places.line(*self.way)}"
 
-    def over(self, defaults: _Table) -> _Table:
-        """This table's values, and those of `defaults` and of `DEFAULTS` where it has none; tolerances one by one."""
-        values = {**DEFAULTS, **defaults.values, **self.values}
+    def over(self, defaults: _Table, standard: dict[str, Any]) -> _Table:
+        """This table's values, and those of `defaults` and `standard` where it has none; tolerances one by one."""
+        values = {**standard, **defaults.values, **self.values}
         inherited, own = defaults.values.get("tolerance"), self.values.get("tolerance")
         if isinstance(inherited, dict) and isinstance(own, dict):
             values["tolerance"] = {**inherited, **own}

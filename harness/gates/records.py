@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from typing import Any
 
-from harness.results import GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord, RungRecord
+from harness.results import AgreementRecord, GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord, RungRecord
 
 
 def as_json(record: GateRecord) -> dict[str, Any]:
@@ -19,7 +19,9 @@ def from_json(held: Mapping[str, Any]) -> GateRecord:
     """The record that `as_json` wrote. KeyError and TypeError for anything else."""
     numbers = None
     if "tests" in held:
-        given = {field.name: held[field.name] for field in fields(GateNumbers)}
+        given = {field.name: held[field.name] for field in fields(GateNumbers) if field.name in held}
+        if agreement := given.get("agreement"):
+            given["agreement"] = AgreementRecord(**agreement)
         numbers = GateNumbers(**{
             **given, **{name: tuple(given[name]) for name in ("error", "low", "high")},
             "tests": {name: PartRecord(**part) for name, part in given["tests"].items()},

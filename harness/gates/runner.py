@@ -14,6 +14,7 @@ from harness.errors import HarnessError
 from harness.estimators.base import Renderer
 from harness.gates.budget import factor_needed, tile_scale, too_small
 from harness.gates.contract import breach, one_image, remark
+from harness.gates.coupled import agreed, point, require_budget, with_agreement
 from harness.gates.ladder import climb, told
 from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look
 from harness.gates.references import References
@@ -48,9 +49,13 @@ def _run(gate: Gate, film: Film, references: References, progress: Progress, beg
     theirs = references.of(gate)
     with opened(gate) as renderer, progress(gate.spp * gate.replicas, gate.name) as advance:
         ours = Run(renderer, gate.spp)
+        agreement = None
+        if gate.agreement is not None:
+            gate, agreement = agreed(gate, renderer, theirs.renderer)
         looks = _look(gate, ours, theirs, advance)
         broken = breach(gate, ours)
-        return _result(gate, film, looks, ours, theirs, broken, time.perf_counter() - began), bool(broken)
+        result = _result(gate, film, looks, ours, theirs, broken, time.perf_counter() - began)
+        return (with_agreement(result, agreement) if agreement and not broken else result), bool(broken)
 
 
 def _with_ladder(failed: GateResult, references: References) -> GateResult:
@@ -93,12 +98,15 @@ def _look(gate: Gate, ours: Run, theirs: Run | FixedRun, advance: Callable[[floa
         ours.grow(replicas, advance)
         theirs.grow(replicas)
         test, reference = ours.tiles(replicas), theirs.tiles(replicas)
-        verdict = gate.sequence.decide(number, test, reference)
+        verdict = (gate.paired or gate.sequence).decide(number, test, reference)
         done.append(Look(gate.spp * replicas, int(reference.samples.sum()), verdict))
         if verdict.outcome != "inconclusive" or breach(gate, ours):
             break
         if number == 0 and not gate.at_once:
-            _require_budget(gate, theirs, ImageMoments.of(test), ImageMoments.of(reference))
+            if gate.paired is not None:
+                require_budget(gate, test, reference)
+            else:
+                _require_budget(gate, theirs, ImageMoments.of(test), ImageMoments.of(reference))
     return done
 
 
@@ -129,6 +137,8 @@ def _result(gate: Gate, film: Film, looks: list[Look], ours: Run, theirs: Run | 
 def _curve(gate: Gate, ours: Run, theirs: Run | FixedRun) -> tuple[CurvePoint, ...]:
     """Prefixes of 1, 2, 4, … replicas, and all."""
     counts = sorted({*(2**k for k in range(ours.replicas.bit_length())), ours.replicas})
+    if gate.paired is not None:
+        return tuple(point(gate, ours.tiles(count), theirs.tiles(count), gate.spp * count) for count in counts)
     reference = theirs.tiles(ours.replicas)
     return tuple(_point(gate, ours.tiles(count), reference, gate.spp * count) for count in counts)
 

@@ -1,0 +1,80 @@
+"""What a coupled gate does that others do not: its reference draws the test's own random numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from harness.errors import HarnessError
+from harness.estimators.base import Renderer
+from harness.gates.model import CurvePoint, Gate, GateResult
+from harness.samples.estimate import with_luminance
+from harness.stats.agreement import AgreementVerdict, agreement_verdict
+from harness.stats.channels import Channel
+from harness.stats.needed import times
+from harness.stats.paired import largest_sample, paired_verdict
+from harness.stats.tiles import TileSamples
+from harness.stats.verdicts import GRAVITY
+
+# Images of one sample per pixel whose samples are compared one by one, and the most where these do not decide.
+SINGLES, MOST_SINGLES = 4, 32
+# How often agreement is looked at, at the most: each look may raise a false alarm.
+ROUNDS = (MOST_SINGLES // SINGLES).bit_length()
+# Where more samples than this differ, paths do not follow at all.
+ASTRAY = 0.5
+
+
+def agreed(gate: Gate, test: Renderer, reference: Renderer) -> tuple[Gate, AgreementVerdict]:
+    """The gate that knows its largest sample, and whether single samples of both sides agree.
+
+    Drawn are the first samples of the first replicas, until that is decided or `MOST_SINGLES` are there.
+    """
+    assert gate.agreement is not None, "only coupled gates ask"
+    ours: list[np.ndarray] = []
+    theirs: list[np.ndarray] = []
+    while True:
+        for replica in range(len(ours), 2 * len(ours) or SINGLES):
+            ours.append(test.render_batch(replica, 0, 1).mean)
+            theirs.append(reference.render_batch(replica, 0, 1).mean)
+        verdict = agreement_verdict(np.stack(ours), np.stack(theirs), gate.agreement,
+                                    fail_level=gate.half_level / ROUNDS, pass_level=gate.pass_level)
+        if verdict.outcome != "inconclusive" or len(ours) >= MOST_SINGLES:
+            break
+    if verdict.share > ASTRAY:
+        verdict = replace(verdict, reason=f"{verdict.reason}: paths do not follow, as where the shader draws numbers "
+                                          "of its own, or in another order")
+    largest = largest_sample(with_luminance(np.stack(ours)), with_luminance(np.stack(theirs)))
+    return replace(gate, largest=largest), verdict
+
+
+def with_agreement(result: GateResult, agreement: AgreementVerdict) -> GateResult:
+    """The result of both verdicts: the graver is that of the gate, and where both fail, both are told."""
+    outcome = min((result.outcome, agreement.outcome), key=GRAVITY.index)
+    told = [reason for its, reason in ((result.outcome, result.reason), (agreement.outcome, agreement.reason))
+            if its == outcome]
+    return replace(result, outcome=outcome, reason="; ".join(told), agreement=agreement)
+
+
+def require_budget(gate: Gate, test: TileSamples, reference: TileSamples) -> None:
+    """HarnessError where a first look shows that the budget cannot decide, because what no sample of it has shown may
+    alone be more than a tolerance."""
+    assert gate.paired is not None, "only coupled gates ask"
+    factor = gate.paired.too_small(0, test, reference)
+    if factor is not None:
+        raise HarnessError(str(gate.error(
+            f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small for its tolerance: a "
+            f"sample that has not come yet may hide more; about {times(factor)} the samples would do, or wider "
+            "tolerances")))
+
+
+def point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) -> CurvePoint:
+    """The first samples of both sides, in pairs: see `CurvePoint`."""
+    error = low = high = float("nan")
+    if len(test.samples) > 1:
+        error, low, high = paired_verdict(test, reference, gate.tolerance, largest=gate.largest,
+                                          pass_level=gate.pass_level).luminance
+    ours, theirs = (side.means.mean(axis=0)[..., Channel.LUMINANCE] for side in (test, reference))
+    whole = theirs.mean()
+    off = (ours - theirs) / np.maximum(np.abs(theirs), 0.01 * abs(whole)) if whole else np.zeros_like(theirs)
+    return CurvePoint(samples, error, low, high, float(np.sqrt((off**2).mean())))
