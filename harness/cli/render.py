@@ -11,6 +11,7 @@ import typer
 
 from harness.cli.options import (
     CacheOption,
+    DepthOption,
     DeviceOption,
     SceneArgument,
     SetOption,
@@ -46,6 +47,7 @@ def render(
     spp: SppOption = 256,
     replica: ReplicaOption = 0,
     size: SizeOption = None,
+    max_depth: DepthOption = None,
     parameters: SetOption = None,
     output: OutputOption = None,
     cache: CacheOption = True,
@@ -58,7 +60,7 @@ def render(
     """
     from harness.estimators.tracer import Tracer
 
-    file = scene_file(scene, size, parameters)
+    file = scene_file(scene, size, parameters, max_depth)
     open_scene(file)
     estimator = Tracer(strategy)
     warning = estimator.check(file)
@@ -74,6 +76,7 @@ def reference(
     spp: SppOption = 1024,
     replica: ReplicaOption = 0,
     size: SizeOption = None,
+    max_depth: DepthOption = None,
     parameters: SetOption = None,
     integrator: Annotated[str, typer.Option("--integrator", help="The scene file's own ('file'), or another of "
                                             "Mitsuba's: path, volpath, ptracer, ...")] = "file",
@@ -91,7 +94,7 @@ def reference(
     """
     from harness.estimators.mitsuba import Mitsuba
 
-    file = scene_file(scene, size, parameters)
+    file = scene_file(scene, size, parameters, max_depth)
     require_memory(file)
     estimator = Mitsuba(integrator, variant=variant)
     target = _target(output, f"{scene.stem}-reference")

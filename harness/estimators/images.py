@@ -81,7 +81,8 @@ class StoredRuns:
         self._samples = [image.spp for image in self.images]
         known = all(self._samples)
         spp = self._samples[0] if known and len(set(self._samples)) == 1 else 1
-        self.traits = Traits(streams="runs", replicas=len(self.files), spp=spp, fixed=_pooled(self.images))
+        self.traits = Traits(streams="runs", counts=False, replicas=len(self.files), spp=spp,
+                             fixed=_pooled(self.images))
         self._known = known
 
     @property

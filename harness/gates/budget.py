@@ -7,11 +7,11 @@ from scipy import special
 
 from harness.gates.model import Gate
 from harness.stats.bias import error_scale
+from harness.stats.contrasts import DARK_TILE
 from harness.stats.deviates import critical_deviate
 from harness.stats.needed import DECIDED, factor_to_decide, undecided
 from harness.stats.sequential import Looking
 from harness.stats.tiles import ImageMoments, TileMoments
-from harness.stats.verdicts import DARK_TILE
 
 
 def too_small(gate: Gate, test: ImageMoments, reference: ImageMoments) -> bool:

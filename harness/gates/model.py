@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -26,6 +28,8 @@ MIN_REPLICAS = MIN_FIRST_LOOK * LOOK_SHARES[0]
 MAX_REPLICAS = 256
 # Pixels a side: no verdict gains by more, and the batches of such an image still fit into 2 GB.
 MAX_SIDE = 1024
+# A tolerance of tiles beyond 1 sees nothing but fireflies: for gates that mean the mean alone.
+MAX_TILE = 10.0
 
 
 @dataclass(frozen=True)
@@ -120,13 +124,48 @@ class CurvePoint:
 
 
 @dataclass(frozen=True, eq=False)
+class Rung:
+    """A failed gate at another depth. `black`: neither side has light yet, so there is no mean to err from.
+
+    `samples` per pixel were drawn; `error`, `low`, `high`: of the image's mean luminance, as of `CurvePoint`, NaN where
+    none was measured. `result`: what running it found, None where it was black or could not be run.
+    """
+
+    depth: int
+    outcome: Outcome | Literal["black"]
+    reason: str
+    samples: int
+    error: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
+    result: GateResult | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """The depths at which a failed gate was run again, in ascending order; see `gates.ladder.climb`.
+
+    `top`: the scene's own depth, None where it has no bound; `reason`: why there are no rungs, where there is one.
+    """
+
+    rungs: tuple[Rung, ...]
+    top: int | None
+    reason: str = ""
+
+    @property
+    def wrong(self) -> Rung | None:
+        """The first that fails; None where only the scene's own depth does."""
+        return next((rung for rung in self.rungs if rung.outcome == "fail"), None)
+
+
+@dataclass(frozen=True, eq=False)
 class GateResult:
     """What running a gate found.
 
     `outcome` and `reason` are those of the last look, or of samples that were not finite. A pass means that the error
     of the image and of every tile lies within its tolerance at the gate's confidence, so a bias as large as a tolerance
     passes with probability `pass_level` / 2 at the most: a gate that cannot see so far does not pass.
-    `seconds` is wall time, the reference included.
+    `seconds` is wall time, the reference included. `ladder`: of a gate that failed, unless it was not asked for.
     """
 
     gate: Gate
@@ -138,6 +177,7 @@ class GateResult:
     reference: Estimate
     exposure: float
     seconds: float
+    ladder: Ladder | None = None
 
     @property
     def verdict(self) -> BiasVerdict:

@@ -8,41 +8,39 @@ from pathlib import Path
 
 from harness.errors import SceneError
 from harness.scene.environment import load_environment
-from harness.scene.file import SceneFile
+from harness.scene.file import MAX_DEPTH_LIMIT, SceneFile
 from harness.scene.materials import load_material
 from harness.scene.model import RGB, EnvironmentMap, Scene, Shape
-from harness.scene.nodes import Node, parse
+from harness.scene.nodes import Node
 from harness.scene.sensors import Sensor, load_sensor
 from harness.scene.shapes import load_shape
 from harness.scene.textures import load_varying
-
-# A path longer than this is refused: the tracer's loop is bounded (see tracer.renderer.MAX_ITERATIONS).
-MAX_DEPTH_LIMIT = 1024
 
 
 def load(file: SceneFile) -> Scene:
     """Our reading of a scene file. SceneError as `load_scene`."""
     width, height = file.size or (None, None)
-    return load_scene(file.path, width=width, height=height, parameters=dict(file.parameters))
+    return load_scene(file.path, width=width, height=height, parameters=dict(file.parameters), max_depth=file.max_depth)
 
 
 def load_scene(path: str | Path, *, width: int | None = None, height: int | None = None,
-               parameters: Mapping[str, str] | None = None) -> Scene:
+               parameters: Mapping[str, str] | None = None, max_depth: int | None = None) -> Scene:
     """Read a Mitsuba 3 XML scene into a `Scene`; `width` and `height` (pixels) override the film's, `parameters` the
-    file's `<default>` values.
+    file's `<default>` values, `max_depth` the integrator's.
 
     Raises SceneError (one line with file and line) for anything malformed or outside the supported subset.
     """
     path = Path(path)
     given = tuple(sorted((parameters or {}).items()))
-    state = parse(path, given)
+    file = SceneFile(path, given, max_depth=max_depth)
+    state = file.parsed()
     root = Node(state, 0)
     if root.kind != "scene":
         raise root.error(f"the root element must be <scene>, found a {root.kind}")
     shapes: list[Shape] = []
     environment: RGB | EnvironmentMap | None = None
     sensor: Sensor | None = None
-    max_depth: int | None = None
+    depth: int | None = None
     for _, node in root.children():
         match node.kind:
             case "shape":
@@ -56,9 +54,9 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
                     raise node.error("a scene has one sensor; this is the second")
                 sensor = load_sensor(node, width, height)
             case "integrator":
-                if max_depth is not None:
+                if depth is not None:
                     raise node.error("a scene has one integrator; this is the second")
-                max_depth = _integrator(node)
+                depth = _integrator(node)
             case "bsdf":
                 load_material(node)  # used by reference; checked here, so that an unused one is not silently wrong
             case "texture":
@@ -68,10 +66,10 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
     root.done([])
     if sensor is None:
         raise root.error("the scene has no <sensor>; add one of type 'perspective'")
-    if max_depth is None:
+    if depth is None:
         raise root.error("the scene has no <integrator>; add one of type 'path' with 'max_depth'")
     return Scene(tuple(shapes), environment or (0.0, 0.0, 0.0), sensor.camera, sensor.width, sensor.height,
-                 max_depth, name=SceneFile(path, given).name, path=path.resolve(), parameters=given)
+                 depth, name=file.name, path=path.resolve(), parameters=given, depth_given=max_depth)
 
 
 def file_of(scene: Scene) -> SceneFile:

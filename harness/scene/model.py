@@ -189,7 +189,8 @@ class Scene:
     """Everything an image depends on, and nothing else, but for the fields after `max_depth`, which do not count.
 
     `max_depth` counts as Mitsuba's `path` integrator does: emission seen directly is depth 1, so N allows
-    N-1 scatterings. How it is shown is another matter: see `harness.scene.presentation`.
+    N-1 scatterings; `depth_given` where it is not the file's own. How the scene is shown is another matter: see
+    `harness.scene.presentation`.
     """
 
     shapes: tuple[Shape, ...]
@@ -201,6 +202,7 @@ class Scene:
     name: str = ""
     path: Path | None = None
     parameters: tuple[tuple[str, str], ...] = ()
+    depth_given: int | None = None
 
     @property
     def file(self) -> SceneFile:
@@ -208,13 +210,14 @@ class Scene:
         if self.path is None:
             raise HarnessError(f"scene '{self.name}' has no file, so Mitsuba cannot render it; write it to an .xml "
                                "file and load it with harness.load_scene")
-        return SceneFile(self.path, self.parameters, (self.width, self.height))
+        return SceneFile(self.path, self.parameters, (self.width, self.height), self.depth_given)
 
     @property
     def content_hash(self) -> str:
         """16 hexadecimal digits that change exactly when the image may change (names do not count)."""
         content = dataclasses.asdict(self)
-        del content["parameters"]  # what they change is in the rest
+        for field in ("parameters", "depth_given"):  # what they change is in the rest
+            del content[field]
         return digest(_without_names(content), 16)
 
 

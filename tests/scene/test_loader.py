@@ -13,7 +13,8 @@ import pytest
 from harness.reference.phong import DEFAULTS
 from harness.scene import Material, Scene, SceneFile, describe, load_scene, present
 
-SCENES = sorted((Path(__file__).parents[2] / "mitsuba_scenes").glob("*.xml"))
+SCENES = sorted(path for pattern in ("*.xml", "traps/*.xml")
+                for path in (Path(__file__).parents[2] / "mitsuba_scenes").glob(pattern))
 
 
 def only_shape(scene: Scene) -> Any:
