@@ -93,7 +93,7 @@ class CoupledRenderer:
     replica, sample range or depth.
     """
 
-    traits = Traits()
+    traits = Traits(repeats=False)  # as ReferenceRenderer's: the library's sums may come in any order
 
     def __init__(self, scene: SceneFile, strategy: str) -> None:
         """Instantiate the scene. SceneError for a scene outside our tracer's
