@@ -161,7 +161,7 @@ class GateFailure(Exception):
 
     def __init__(self, result: GateResult, folder: Path) -> None:
         from harness.gates.artefacts import command
-        from harness.gates.summary import percent
+        from harness.stats.bias import percent
 
         gate, mean = result.gate, result.verdict.mean
         super().__init__("\n".join((

@@ -20,7 +20,7 @@ from harness.stats.findings import Tiles
 class Record:
     """A row of a study's table: one number, and beside it all that it depends on.
 
-    `scene`: the file's name; `parameters`: its values for the file's `<default>`s, as (name, value). `estimator`: a
+    `scene`: the file's name; `parameters`: what was set in it by name (`SceneFile.given`). `estimator`: a
     strategy, or what else was studied. `replica`: None where the number is of all replicas together. `samples`: per
     pixel, all that went into it. `quantity`: a metric's name (see `harness.metrics`), or 'slope',
     'smallest_detectable', 'seconds_per_spp', 'rejected' (samples of the whole image). `channel`: empty where it is of

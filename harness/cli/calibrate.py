@@ -94,7 +94,7 @@ def _print_coupled(powers: Sequence[Power]) -> None:
 def _print_suite(suite: SuiteRates) -> None:
     from rich.table import Table
 
-    from harness.gates.summary import percent
+    from harness.stats.bias import percent
 
     table = Table(box=None, pad_edge=False)
     for number, name in enumerate(("gate", "failed", "undecided", "budget", "sure from", "in a patch")):

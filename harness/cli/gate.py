@@ -84,7 +84,8 @@ def _run(gate: Gate, references: References, output: Path, ladder: bool) -> Gate
 def _print(found: list[GateRecord], output: Path) -> None:
     from rich.table import Table
 
-    from harness.gates.summary import HTML, counted, percent
+    from harness.gates.summary import HTML, counted
+    from harness.stats.bias import percent
 
     table = Table(box=None, pad_edge=False)
     for heading in ("gate", "outcome", "mean error", "interval", "tolerance", "spp", "of", "s"):

@@ -6,7 +6,7 @@ import numpy as np
 
 from harness.gates.model import Gate
 from harness.gpu.pingpong import FLUSH_SAMPLES, MAX_SAMPLES_PER_PASS
-from harness.stats.bias import signed_percent
+from harness.stats.bias import percent
 from harness.stats.channels import Channel
 from harness.stats.verdicts import TileVerdict
 from harness.work.run import Run
@@ -39,8 +39,8 @@ def remark(verdict: TileVerdict, run: Run) -> str:
     ratios = 1 + verdict.error[0, 0]
     for samples in sorted({run.spp, *(most for most in (MAX_SAMPLES_PER_PASS, FLUSH_SAMPLES) if most < run.spp)}):
         if samples > 2 and run.renderer.traits.counts and bool((np.abs(ratios * samples - 1) < NEAR).all()):
-            return (f"; {signed_percent(verdict.error[0, 0, Channel.LUMINANCE])} is 1/{samples} - 1, as where a mean "
-                    "is stored for a sum: pingpong0's rgb is the sum of all samples' radiance, alpha their number")
+            return (f"; {percent(verdict.error[0, 0, Channel.LUMINANCE], signed=True)} is 1/{samples} - 1, as where a "
+                    "mean is stored for a sum: pingpong0's rgb is the sum of all samples' radiance, alpha their number")
     return ""
 
 

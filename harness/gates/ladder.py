@@ -12,7 +12,7 @@ from harness.estimators.base import no_depth
 from harness.estimators.mitsuba import Mitsuba
 from harness.gates.model import MAX_TILE, Gate, GateResult, Ladder, Rung
 from harness.gates.references import References
-from harness.stats.bias import signed_percent
+from harness.stats.bias import percent
 from harness.stats.verdicts import Tolerance
 
 # Depths are climbed one by one so far, where most defects show; then doubled, and the gap halved.
@@ -165,5 +165,5 @@ def _light(depth: int) -> str:
 
 def _size(rung: Rung) -> str:
     if rung.result is not None and rung.result.verdict.mean.outcome == "fail":
-        return signed_percent(rung.error)
+        return percent(rung.error, signed=True)
     return rung.reason

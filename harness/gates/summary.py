@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from contextlib import suppress
 from html import escape
@@ -15,7 +14,7 @@ from harness.gates.artefacts import ALL_PICTURES, PICTURES
 from harness.gates.records import as_json
 from harness.report.pages.frame import framed
 from harness.results import GateNumbers, GateRecord
-from harness.stats import bias
+from harness.stats.bias import percent
 
 HTML, JSON = "summary.html", "summary.json"
 KINDS = ("html", "json")
@@ -116,10 +115,3 @@ def _figure(gate: str, picture: str) -> str:
     path = quote(f"{gate}/{picture}")
     return (f'<figure><a href="{path}"><img{smooth} src="{path}" alt="{caption}"></a>'
             f"<figcaption>{caption}</figcaption></figure>")
-
-
-def percent(value: float | None, *, signed: bool = False) -> str:
-    """'+0.012 %'; '∞' for what has no bound, or is not finite."""
-    if value is None or not math.isfinite(value):
-        return "∞"
-    return bias.signed_percent(value) if signed else bias.percent(value)

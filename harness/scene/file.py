@@ -63,8 +63,12 @@ class SceneFile:
     @property
     def name(self) -> str:
         """The file's name without its suffix, with what was set: `plates alpha=10 max_depth=2`."""
-        depth = [("max_depth", str(self.max_depth))] if self.max_depth is not None else []
-        return " ".join([self.path.stem, *(f"{name}={value}" for name, value in (*self.parameters, *depth))])
+        return " ".join([self.path.stem, *(f"{name}={value}" for name, value in self.given)])
+
+    @property
+    def given(self) -> tuple[tuple[str, str], ...]:
+        """What was set by name, parameters and depth, as (name, value)."""
+        return self.parameters if self.max_depth is None else (*self.parameters, ("max_depth", str(self.max_depth)))
 
     def sized(self, width: int, height: int) -> SceneFile:
         """The same with another film size."""

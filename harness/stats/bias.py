@@ -123,7 +123,7 @@ def _judge_means(test_mean: np.ndarray, test_variance: np.ndarray, reference_mea
             return "inconclusive", f"the variance of the {name} is unknown: it takes two batches or more"
 
     def told(channel: int, width: np.ndarray) -> str:
-        return f"{CHANNELS[channel]} {signed_percent(error[channel])} ± {percent(width[channel])}"
+        return f"{CHANNELS[channel]} {percent(error[channel], signed=True)} ± {percent(width[channel])}"
 
     beyond = np.abs(error) - guarded
     if (beyond > tolerance).any():
@@ -141,11 +141,8 @@ def _judge_means(test_mean: np.ndarray, test_variance: np.ndarray, reference_mea
     return "inconclusive", message
 
 
-def percent(fraction: float) -> str:
-    """'0.31 %'."""
-    return f"{100 * fraction:.3g} %"
-
-
-def signed_percent(fraction: float) -> str:
-    """'+0.31 %'."""
-    return f"{100 * fraction:+.3g} %"
+def percent(fraction: float | None, *, signed: bool = False) -> str:
+    """'0.31 %', or '+0.31 %'; '∞' for what has no bound, or is not finite."""
+    if fraction is None or not np.isfinite(fraction):
+        return "∞"
+    return f"{100 * fraction:{'+' if signed else ''}.3g} %"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.stats.bias import POWER, Outcome, check_tolerance, percent, signed_percent
+from harness.stats.bias import POWER, Outcome, check_tolerance, percent
 from harness.stats.channels import CHANNELS, Channel
 from harness.stats.contrasts import Contrast, IndependentContrast, independent
 from harness.stats.deviates import (
@@ -273,8 +273,8 @@ def _reason(outcome: Outcome, tile: int, contrast: Contrast, maps: _Maps, p: flo
             return f"the variance of the {name} is unknown: it takes two batches or more"
 
     def told(index: tuple[np.intp, ...]) -> str:
-        return (f"{_place(index, tile, maps)}: {CHANNELS[index[-1]]} {signed_percent(maps.error[index])} "
-                f"[{signed_percent(maps.low[index])}, {signed_percent(maps.high[index])}]")
+        return (f"{_place(index, tile, maps)}: {CHANNELS[index[-1]]} {percent(maps.error[index], signed=True)} "
+                f"[{percent(maps.low[index], signed=True)}, {percent(maps.high[index], signed=True)}]")
 
     band = f"±{percent(tolerance)}"
     if outcome == "fail":

@@ -23,6 +23,11 @@ STUDY_FILE = "study.json"
 # Raised when files written before can no longer be read; 1 no tiles, 2 a field a metric, 3 no device, 4 no table.
 FORMAT = 5
 COLUMNS = [field.name for field in dataclasses.fields(Record)]
+# What JSON may hold in a column; numbers that are not finite are text there.
+KINDS: dict[str, set[type]] = {
+    "scene": {str}, "parameters": {list}, "estimator": {str}, "replica": {int, type(None)}, "samples": {int},
+    "quantity": {str}, "channel": {str}, "value": {float, int, str}, "low": {float, int, str, type(None)},
+    "high": {float, int, str, type(None)}, "n": {int}, "device": {str}}
 
 # `_image_name` makes these; files of other names in the folder are left alone.
 _IMAGE = re.compile(r"[a-z0-9_-]+\.[0-9a-f]{12}\.exr")
@@ -47,9 +52,9 @@ def save_study(result: StudyResult, folder: str | Path) -> None:
              if field.name not in ("reference", "strategies")}
     strategies = [{field.name: getattr(strategy, field.name) for field in dataclasses.fields(strategy)
                    if field.name not in ("measured", "estimate")} for strategy in result.strategies]
-    rows = [[getattr(row, name) for name in COLUMNS] for strategy in result.strategies for row in strategy.measured]
+    rows = [row for strategy in result.strategies for row in strategy.measured]
     json.save(folder / STUDY_FILE, {"format": FORMAT, **words, "strategies": strategies, "images": names,
-                                    "table": {"columns": COLUMNS, "rows": rows}}, indent=None)
+                                    "table": _table(rows)}, indent=None)
     for path in folder.iterdir():
         if _IMAGE.fullmatch(path.name) and path.name not in names.values():
             path.unlink(missing_ok=True)
@@ -123,16 +128,24 @@ def _strategy(held: Mapping[str, Any], rows: Sequence[Record], estimate: Estimat
     return found
 
 
+def _table(rows: Sequence[Record]) -> dict[str, Any]:
+    """Records by column: `same` what all rows share, `columns` the others, a list each."""
+    columns = {name: [getattr(row, name) for row in rows] for name in COLUMNS}
+    same = {name: values[0] for name, values in columns.items() if all(value == values[0] for value in values)}
+    return {"same": same, "columns": {name: values for name, values in columns.items() if name not in same}}
+
+
 def _rows(table: Mapping[str, Any]) -> tuple[Record, ...]:
     """The records of a table; ValueError for other columns, or values of other types."""
-    if table["columns"] != COLUMNS:
-        raise ValueError(f"a table of the columns {table['columns']}")
-    rows = []
-    for scene, parameters, estimator, replica, samples, quantity, channel, value, low, high, n, device in table["rows"]:
-        words, counts = (scene, estimator, quantity, channel, device), (0 if replica is None else replica, samples, n)
-        if not all(type(word) is str for word in words) or not all(type(count) is int for count in counts):
-            raise ValueError(f"a row of {estimator!r} with a word or a count of another type")
-        rows.append(Record(scene, tuple((str(name), str(given)) for name, given in parameters), estimator, replica,
-                           samples, quantity, channel, float(value), None if low is None else float(low),
-                           None if high is None else float(high), n, device))  # reads 'nan' and 'inf', too
-    return tuple(rows)
+    same, columns = table["same"], table["columns"]
+    lengths = {len(values) for values in columns.values()}
+    if {*same, *columns} != {*COLUMNS} or len(lengths) != 1:
+        raise ValueError(f"a table of the columns {', '.join((*same, *columns))}, of lengths {sorted(lengths)}")
+    found = {**{name: [value] * min(lengths) for name, value in same.items()}, **columns}
+    for name, kinds in KINDS.items():
+        if other := {*map(type, found[name])} - kinds:
+            raise ValueError(f"a column '{name}' that holds {other.pop().__name__}")
+    for name in ("value", "low", "high"):
+        found[name] = [None if value is None else float(value) for value in found[name]]  # 'nan' and 'inf' as well
+    found["parameters"] = [tuple((str(name), str(given)) for name, given in pairs) for pairs in found["parameters"]]
+    return tuple(map(Record, *(found[name] for name in COLUMNS)))

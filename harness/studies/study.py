@@ -207,7 +207,7 @@ class _Replicas:
                         if device else np.nan)  # never across machines
         return StrategyResult(
             strategy=strategy.name, suits=strategy.suits, warning=strategy.warning,
-            measured=measured(file.path.stem, file.parameters, strategy.name, samples=merged.samples, spp=spp,
+            measured=measured(file.path.stem, file.given, strategy.name, samples=merged.samples, spp=spp,
                               curves=curves, seconds_per_spp=seconds, rejected=merged.rejected, device=device,
                               scores=metrics.measure(merged.mean, reference, scene.exposure, at_prefixes=False)),
             estimate=merged,

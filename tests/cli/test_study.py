@@ -97,6 +97,11 @@ def test_values_of_the_scenes_parameters_stand_in_every_row(harness: Harness, sk
     np.testing.assert_allclose(load_study("kept").strategies[0].estimate.mean, 0.5)
 
 
+def test_a_depth_that_was_set_is_a_parameter(harness: Harness, sky: Path) -> None:
+    answer = harness("study", sky, *BRIEF, "-s", "mixture", "--max-depth", 1, "--json").json
+    assert (answer["scene"], answer["parameters"]) == ("sky max_depth=1", {"max_depth": "1"})
+
+
 def test_a_metric_that_is_new_in_the_registry_is_shown(harness: Harness, sky: Path,
                                                        monkeypatch: pytest.MonkeyPatch) -> None:
     register(monkeypatch)

@@ -18,9 +18,10 @@ from harness.errors import HarnessError
 from harness.gates import Gate, GateResult, load_gates, run_gate
 from harness.gates.artefacts import IMAGES, PICTURES, RESULT_FILE, command, error_record, record, save_result
 from harness.gates.records import as_json, from_json
-from harness.gates.summary import counted, percent, write_summary
+from harness.gates.summary import counted, write_summary
 from harness.results import GateRecord
 from harness.samples.exr import read_estimate
+from harness.stats.bias import percent
 from tests.support.gates import Noise, judging, one_gate
 
 

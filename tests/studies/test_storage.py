@@ -141,7 +141,7 @@ def test_a_damaged_strategy_is_refused_in_one_line(saved: Path, name: str, value
 
 
 @pytest.mark.parametrize("table", [
-    None, {}, {"columns": ["value"], "rows": [[1.0]]}, {"rows": []}, {"rows": 3}, {"rows": [[]]}])
+    None, {}, {"columns": {"value": [1.0]}}, {"columns": {}}, {"columns": 3}, {"same": {}}, {"same": 3}])
 def test_a_damaged_table_is_refused_in_one_line(saved: Path, table: dict[str, Any] | None) -> None:
     content = json.loads((saved / "study.json").read_text())
     content["table"] = table and {**content["table"], **table}
@@ -159,7 +159,8 @@ def test_a_damaged_table_is_refused_in_one_line(saved: Path, table: dict[str, An
 def test_a_damaged_row_is_refused_in_one_line(saved: Path, row: int, column: str, value: object) -> None:
     content = json.loads((saved / "study.json").read_text())
     table = content["table"]
-    table["rows"][row][table["columns"].index(column)] = value
+    values = table["columns"].setdefault(column, [table["same"].pop(column, None)] * len(table["columns"]["value"]))
+    values[row] = value
     (saved / "study.json").write_text(json.dumps(content))
     with pytest.raises(StoreError, match=r"study\.json: not a study .*; remove it"):
         load_study(saved)
