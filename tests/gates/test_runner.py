@@ -344,7 +344,7 @@ class TestContract:
 
     def test_a_wrong_count_of_more_samples_is_no_noise(self, gate: Gate, tmp_path: Path) -> None:
         """This one is right in a single pass, as a gate of one sample draws it."""
-        shader = own_shader(tmp_path, "sum = k * float(numpass * numpass + 1) * vec4(0.25, 0.25, 0.25, 1.0);")
+        shader = own_shader(tmp_path, "sum = k * float(3 * numpass + 1) * vec4(0.25, 0.25, 0.25, 1.0);")
         result = run_gate(with_own(small(gate, 10), shader=shader))
         assert result.outcome == "fail" and "which is not without noise" not in result.reason
 
