@@ -80,12 +80,13 @@ def _is_noisy(run: Run) -> bool:
     """Does one sample differ from many by more than rounding, in so many pixels that chance makes no two images equal?
 
     Many are two passes or more, from the beginning and from further on, for a seed may leave out any part of what
-    numbers a sample. A factor between two images is an error of its own kind, see `remark`.
+    numbers a sample. A factor between two images is an error of its own kind, see `remark`, and so are samples that are
+    not counted where there are more of them.
     """
-    count = max(run.spp, 2 * MAX_SAMPLES_PER_PASS)
-    one = run.renderer.render_batch(0, 0, 1).mean
-    return any(_differing(one, run.renderer.render_batch(0, start, count).mean) >= NOISY_PIXELS
-               for start in (0, count))
+    many = max(run.spp, 2 * MAX_SAMPLES_PER_PASS)
+    one, *others = (run.renderer.render_batch(0, start, count) for start, count in ((0, 1), (0, many), (many, many)))
+    return not one.rejected and any(
+        not other.rejected and _differing(one.mean, other.mean) >= NOISY_PIXELS for other in others)
 
 
 def _differing(one: np.ndarray, other: np.ndarray) -> int:

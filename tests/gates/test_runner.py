@@ -342,6 +342,12 @@ class TestContract:
         assert "or not counted in alpha; to what pingpong0 holds" in result.reason
         assert "one sample a pass is too few" in result.reason
 
+    def test_a_wrong_count_of_more_samples_is_no_noise(self, gate: Gate, tmp_path: Path) -> None:
+        """This one is right in a single pass, as a gate of one sample draws it."""
+        shader = own_shader(tmp_path, "sum = k * float(3 * numpass + 1) * vec4(0.25, 0.25, 0.25, 1.0);")
+        result = run_gate(with_own(small(gate, 10), shader=shader))
+        assert result.outcome == "fail" and "which is not without noise" not in result.reason
+
     @pytest.mark.parametrize(("sum_", "spp", "told"), [
         ("vec4(vec3(0.5), before.a + k)", 16, "1/16"), ("vec4(vec3(0.5), before.a + k)", 300, "1/300"),
         ("before + vec4(vec3(0.25), 1.0) * k", 64, "")])
