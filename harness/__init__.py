@@ -5,11 +5,14 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from harness.machine.llvm_beside import point_drjit_at_it
+
 # Public name -> module. Importing the package stays cheap: neither GL nor Mitsuba loads before it is needed.
 _HOMES = {
     "Batch": "harness.samples.estimate", "Estimate": "harness.samples.estimate",
     "HarnessError": "harness.errors", "MachineError": "harness.errors",
     "Command": "harness.estimators.command", "Constant": "harness.estimators.constant",
+    "Coupled": "harness.estimators.coupled",
     "Images": "harness.estimators.images", "Mitsuba": "harness.estimators.mitsuba",
     "Tracer": "harness.estimators.tracer",
     "Library": "harness.shader.library",
@@ -22,6 +25,8 @@ _HOMES = {
     "study": "harness.studies.study",
 }
 __all__ = sorted(_HOMES)
+
+point_drjit_at_it()
 
 
 def __getattr__(name: str) -> Any:

@@ -51,6 +51,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--harness-generate-summary", metavar="KINDS",
                     help="write a summary of all gates: html, json, or both with a comma between; without this option "
                          "html when a gate does not pass")
+    group.addoption("--harness-no-ladder", action="store_true",
+                    help="do not run a gate that fails at lesser depths, to tell from which bounce on it is wrong")
     parser.addini("harness_gates", "gates files (.toml), relative to the root folder", type="paths", default=[])
     parser.addini("harness_results_path", "folder for what gates leave behind", default=None)
 
@@ -127,7 +129,8 @@ class GateItem(pytest.Item):
         artefacts.clear(folder)
         try:
             require_writable(folder / artefacts.RESULT_FILE)
-            result = run_gate(self.gate, self.config.stash[_REFERENCES])
+            result = run_gate(self.gate, self.config.stash[_REFERENCES],
+                              ladder=not self.config.getoption("--harness-no-ladder"))
             artefacts.save_result(result, folder, pictures=result.outcome != "pass")
         except HarnessError as error:
             with suppress(OSError):

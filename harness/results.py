@@ -117,6 +117,20 @@ class PointRecord:
 
 
 @dataclass(frozen=True)
+class RungRecord:
+    """A failed gate at a lesser depth: error of the image's mean luminance with its interval, after so many samples per
+    pixel. `black`: neither side has light at that depth."""
+
+    depth: int
+    outcome: Outcome | Literal["black"]
+    reason: str
+    samples: int
+    error: float | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
 class GateNumbers:
     """What a gate measured. `error`, `low`, `high`: of the image's mean, per channel, at `confidence`.
 
@@ -148,7 +162,8 @@ class GateRecord:
     """A gate that was run, as files, tables and pages have it; `numbers` are None where it could not be run.
 
     `why`: the reason for its tolerance; `origin`: file and line; `command`: what runs it again. These and what comes
-    between them are empty where the gate could not even be read.
+    between them are empty where the gate could not even be read. `ladder`: what it says at lesser depths, where it was
+    asked (`gates.ladder`); `wrong_from`: the first depth at which it fails, None where that is not known.
     """
 
     gate: str
@@ -159,6 +174,8 @@ class GateRecord:
     strategy: str = ""
     origin: str = ""
     command: str = ""
+    wrong_from: int | None = None
+    ladder: tuple[RungRecord, ...] = ()
     numbers: GateNumbers | None = None
 
 

@@ -47,7 +47,7 @@ PACKAGES = {"moderngl": {"gpu"}, "mitsuba": {"machine", "reference", "scene"},
             "drjit": {"machine", "reference", "scene"}}
 # Who may say the name of a renderer, besides the room that it stands in: all others open estimators.
 OPENERS = {"gpu", "reference", "estimators"}
-RENDERERS = {"TracerRenderer", "ReferenceRenderer"}
+RENDERERS = {"TracerRenderer", "ReferenceRenderer", "CoupledRenderer"}
 
 # Inside the report: media know blocks and no chapter, chapters know blocks and no medium.
 APART = (("report/pages", "harness.report.chapters"), ("report/chapters", "harness.report.pages"),

@@ -75,7 +75,7 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("harness.files.data_dir", {**{name: data_dir(name) for name in ("glsl", "reports")},
                                                    "mitsuba_scenes": scenes}.__getitem__)
     monkeypatch.setitem(studies.PROFILES, "quick", studies.Profile(spp=4, replicas=2, reference_spp=8))
-    monkeypatch.setattr(gallery, "EXHIBITS", (gallery.Exhibit("spheres", 2),))
+    monkeypatch.setattr(gallery, "FIGURES", (gallery.Figure("spheres", 2),))
     monkeypatch.setattr(gallery, "SIDE", 16)
     for folder in MODULE_FOLDERS:
         (tmp_path / "tests" / folder).symlink_to(ROOT / "tests" / folder)

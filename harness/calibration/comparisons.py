@@ -21,7 +21,7 @@ from harness.stats.calibration import (
     together,
 )
 from harness.stats.levels import Looks
-from harness.stats.sequential import Sequence
+from harness.stats.sequential import Looking
 from harness.stats.synthetic import NOISES, Plan, draw
 from harness.stats.tiles import TileAccumulator, TileSamples, tile_size
 
@@ -68,13 +68,13 @@ def compare(comparisons: int, progress: Progress = quiet) -> Measured:
             held: list[Pair] = []
             pairs = _keeping(rendered_pairs(scene, test, reference, comparisons, advance), held, _subset(comparisons))
             alarms += false_alarms(case, pairs, LOOKS)
-            powers += power(case, held, Sequence(Looks((samples,)), NO_TOLERANCE), np.random.default_rng(0))
+            powers += power(case, held, Looking(Looks((samples,)), NO_TOLERANCE), np.random.default_rng(0))
             advance(2 * comparisons)
         case = "normal / normal, to a decision"
         cases[case] = f"synthetic, up to {BATCHES * DECIDING_SPP} samples per pixel"
         deciding = Looks(tuple(count * DECIDING_SPP // SPP for count in LOOKS.samples))
         held = list(synthetic_pairs("normal", "normal", DECIDING_SPP, _subset(comparisons), len(SYNTHETIC)))
-        powers += power(case, held, Sequence(deciding), np.random.default_rng(1))
+        powers += power(case, held, Looking(deciding), np.random.default_rng(1))
         advance(2 * comparisons)
     return cases, (*alarms, *together(alarms, ALL)), tuple(powers)
 

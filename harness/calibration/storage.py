@@ -31,7 +31,7 @@ def load(path: Path) -> Calibration:
             SuiteRates(str(suite["file"]), float(suite["false_alarms"]), float(suite["level"]), int(suite["runs"]),
                        int(suite["failed"]), int(suite["red"]), _rows(GateRates, suite["gates"]),
                        _rows(GatePower, suite["powers"])),
-            _texts(held["facts"]))
+            _texts(held["facts"]), _rows(Power, held["coupled"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise StoreError(f"{path}: not a calibration ({type(error).__name__}: {error}); run `harness calibrate` again"
                          ) from None

@@ -16,8 +16,9 @@ from harness.gates.runner import check_gate, opened
 from harness.progress import Progress, quiet
 from harness.samples.store import Store
 from harness.stats.bias import Outcome
+from harness.stats.paired import PairedLooking, largest_by_size
 from harness.stats.rates import Where
-from harness.stats.resampling import Patch, centred, draws, resampled, shaded_patches
+from harness.stats.resampling import Patch, centred, draws, mirrored, resampled, resampled_pairs, shaded_patches
 from harness.stats.suites import BIASES, MISSED, GatePower, GateRates, SuiteRates
 from harness.stats.synthetic import with_gain
 from harness.stats.tiles import MAX_BATCHES, ImageMoments, TileSamples
@@ -42,13 +43,15 @@ Ending = Outcome | Literal["refused"]
 class GateBank:
     """A gate with the replicas that its simulated runs draw from; both sides have the same mean in every tile.
 
-    `grows`: the reference's replicas are drawn as the test's are; else all of them at every look.
+    `grows`: the reference's replicas are drawn as the test's are; else all of them at every look. `paired`: the plan of
+    a coupled gate, whose replicas go in pairs; None of another.
     """
 
     gate: Gate
     test: TileSamples
     reference: TileSamples
     grows: bool
+    paired: PairedLooking | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,19 +97,30 @@ def gather(gates: Sequence[Gate], store: Store | None = None, progress: Progress
         for gate in gates:
             film = check_gate(gate)
             theirs = references.of(gate)
-            theirs.grow(gate.replicas)
+            drawn = min(BUDGETS * gate.replicas, MAX_BATCHES)
+            theirs.grow(drawn if paired_plan(gate) else gate.replicas)
             with opened(gate) as renderer:
                 ours = Run(renderer, gate.spp)
-                ours.grow(min(BUDGETS * gate.replicas, MAX_BATCHES))
-            drawn = ours.estimate()
-            if drawn.rejected > gate.not_finite * drawn.samples * film.width * film.height:
-                raise gate.error(f"{drawn.rejected} samples are not finite, with which the gate fails; mend that first")
+                ours.grow(drawn)
+            estimate = ours.estimate()
+            if estimate.rejected > gate.not_finite * estimate.samples * film.width * film.height:
+                raise gate.error(f"{estimate.rejected} samples are not finite, with which the gate fails; mend that "
+                                 "first")
             banks.append(_bank(gate, ours.tiles(), theirs))
             advance(1)
     return banks
 
 
+def paired_plan(gate: Gate) -> PairedLooking | None:
+    """The plan of a gate whose reference draws the same random numbers; None of another."""
+    plan: object = gate.sequence
+    return plan if isinstance(plan, PairedLooking) else None
+
+
 def _bank(gate: Gate, ours: TileSamples, run: Run | FixedRun) -> GateBank:
+    if paired := paired_plan(gate):
+        theirs = run.tiles(len(ours.samples))
+        return GateBank(gate, *mirrored(ours, theirs), True, paired)
     theirs = run.tiles(gate.replicas)
     exact = theirs.samples.sum() == 0
     truth = theirs.means.mean(axis=0)
@@ -146,16 +160,31 @@ class Simulation:
         ended: dict[int, tuple[Ending, float]] = {}
         waiting = runs
         for look, replicas in enumerate(gate.looks):
-            tests = resampled(test or self.bank.test, self._ours[waiting, :replicas])
-            for run, *pair in zip(waiting.tolist(), tests, self._reference(look, waiting), strict=True):
-                outcome: Ending = gate.sequence.outcome(look, *pair)
-                if outcome == "inconclusive" and look == 0 and too_small(gate, *pair):
-                    outcome = "refused"
+            outcomes = self._paired_outcomes if self.bank.paired else self._outcomes
+            for run, outcome in zip(waiting.tolist(), outcomes(look, waiting, test or self.bank.test), strict=True):
                 ended[run] = outcome, replicas / gate.replicas
             waiting = np.array([run for run in waiting.tolist() if ended[run][0] == "inconclusive"], np.intp)
             if not waiting.size:
                 break
         return [ended[run] for run in runs.tolist()]
+
+    def _outcomes(self, look: int, runs: np.ndarray, test: TileSamples) -> Iterator[Ending]:
+        gate = self.bank.gate
+        tests = resampled(test, self._ours[runs, :gate.looks[look]])
+        for pair in zip(tests, self._reference(look, runs), strict=True):
+            outcome = gate.sequence.outcome(look, *pair)
+            yield "refused" if outcome == "inconclusive" and look == 0 and too_small(gate, *pair) else outcome
+
+    def _paired_outcomes(self, look: int, runs: np.ndarray, test: TileSamples) -> Iterator[Ending]:
+        """Those of a coupled gate: both sides draw the same replicas."""
+        plan, reference = self.bank.paired, self.bank.reference
+        assert plan is not None
+        largest = largest_by_size(test, reference, plan.largest)
+        chosen = self._ours[runs, :self.bank.gate.looks[look]]
+        for contrasts in resampled_pairs(test, reference, chosen, largest):
+            outcome = plan.outcome_of(look, contrasts)
+            refused = outcome == "inconclusive" and look == 0 and plan.too_small_of(look, contrasts) is not None
+            yield "refused" if refused else outcome
 
     def power(self, where: Where, gain: float) -> GatePower:
         """What becomes of runs with this bias."""

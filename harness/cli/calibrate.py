@@ -13,7 +13,7 @@ from harness.cli.options import CALIBRATION_FILE, CacheOption, open_store
 from harness.cli.output import JsonOption, print_json, print_rich, progress
 
 if TYPE_CHECKING:
-    from harness.stats.calibration import FalseAlarms
+    from harness.stats.calibration import FalseAlarms, Power
     from harness.stats.suites import SuiteRates
 
 
@@ -49,9 +49,10 @@ def calibrate(
     excessive = [alarms for alarms in result.alarms if alarms.judgement == "excessive"]
     if json:
         print_json({"alarms": [{**vars(alarms), "judgement": alarms.judgement} for alarms in result.alarms],
-                    "powers": result.powers, "suite": result.suite, "output": output})
+                    "powers": result.powers, "coupled": result.coupled, "suite": result.suite, "output": output})
     else:
         _print_alarms(result.alarms, excessive)
+        _print_coupled(result.coupled)
         _print_suite(result.suite)
     return 1 if excessive or result.suite.excessive else 0
 
@@ -73,6 +74,21 @@ def _print_alarms(alarms: Sequence[FalseAlarms], excessive: Sequence[FalseAlarms
         low, high = each.rate.interval()
         print(f"{each.case}, {each.subject}: {each.hits} of {each.trials} alarms, a rate of {low:.4f} to {high:.4f}, "
               f"where {each.level:g} was asked for")
+
+
+def _print_coupled(powers: Sequence[Power]) -> None:
+    """What became of biased renders whose reference draws the same random numbers; nothing where none was judged."""
+    from rich.table import Table
+
+    if not powers:
+        return
+    table = Table(box=None, pad_edge=False)
+    for number, name in enumerate(("bias", "where", "relative", "passed", "failed", "of", "budget")):
+        table.add_column(name, justify="right" if number > 1 else "left")
+    for each in powers:
+        table.add_row(each.case, each.where, f"{each.gain:.1e}", str(each.passed), str(each.failed), str(each.trials),
+                      f"{100 * each.share:.0f} %")
+    print_rich(table)
 
 
 def _print_suite(suite: SuiteRates) -> None:

@@ -14,6 +14,7 @@ from harness.cli.options import (
     SCENE_HASH,
     CacheOption,
     ConfidenceOption,
+    DepthOption,
     SizeOption,
     ToleranceOption,
     warn_of_other_scene,
@@ -24,7 +25,9 @@ from harness.stats.channels import CHANNELS
 
 if TYPE_CHECKING:
     from harness.cli.sides import Side
+    from harness.estimators.command import Command
     from harness.samples.estimate import Estimate
+    from harness.scene import SceneFile
     from harness.stats.bias import MeanErrorVerdict
     from harness.stats.findings import Tiles
     from harness.stats.tiles import TileSamples
@@ -39,8 +42,8 @@ def compare(
         help="The renders under test, and what they should be: each a file, a folder or a quoted pattern "
              "(EXR, PFM, Radiance HDR, PNG, JPEG). With --command the reference alone, or nothing.")] = None,
     command: Annotated[str | None, typer.Option("--command", metavar="TEMPLATE", help=(
-        'Run a program in place of TEST: "myrt {scene} --spp {spp} --seed {seed} -o {out}"; {width} and '
-        "{height} may stand in it too."))] = None,
+        'Run a program in place of TEST: "myrt {scene} --spp {spp} --seed {seed} -o {out}"; {width}, '
+        "{height} and {max_depth} may stand in it too."))] = None,
     scene: Annotated[Path | None, typer.Option("--scene", help="The scene file for --command.")] = None,
     spp: Annotated[int, typer.Option("--spp", min=1, max=MAX_SPP, help="Samples per pixel of a run of --command.")]
     = 64,
@@ -51,6 +54,7 @@ def compare(
     parameters: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help=(
         "A parameter (<default>) of the scene; may be given several times."))] = None,
     size: SizeOption = None,
+    max_depth: DepthOption = None,
     cache: CacheOption = True,
     tolerance: ToleranceOption = 0.002,
     confidence: ConfidenceOption = 0.95,
@@ -72,16 +76,19 @@ def compare(
     import numpy as np
 
     from harness.cli.sides import buys, files_side, require_comparable, smallest_detectable
+    from harness.estimators.command import Command
     from harness.policy import fail_level, judge
 
     words = files or []
     if command is None:
         _require_two(words)
-        if scene is not None or parameters or size:
-            raise HarnessError("--scene, --set and --size belong to --command; files are compared as they are")
+        if scene is not None or parameters or size or max_depth:
+            raise HarnessError("--scene, --set, --size and --max-depth belong to --command; files are compared as they "
+                               "are")
         test, reference = files_side(words[0]), files_side(words[1])
     else:
-        test, reference = _command_sides(command, scene, words, parameters or [], size, spp, replicas, timeout, cache)
+        file = _scene_of(scene, parameters or [], size, max_depth)
+        test, reference = _command_sides(Command(command, timeout), file, words, spp, replicas, cache)
     require_comparable(test, reference)
     ours, truth, facts = test.estimate, reference.estimate, reference.facts
     warn_of_other_scene(test.facts.get(SCENE_HASH), facts, Path(reference.name))
@@ -125,21 +132,25 @@ def _require_two(words: list[str]) -> None:
                            "them alone: harness compare 'mine_*.exr' 'truth_*.exr'")
 
 
-def _command_sides(command: str, scene: Path | None, words: list[str], parameters: list[str], size: str | None,
-                   spp: int, replicas: int, timeout: float, cache: bool) -> tuple[Side, Side]:
-    from harness.cli.options import open_store, scene_file
-    from harness.cli.sides import REFERENCE_FACTOR, files_side, mitsuba_side, runs_side
-    from harness.estimators.command import Command
+def _scene_of(scene: Path | None, parameters: list[str], size: str | None, max_depth: int | None) -> SceneFile:
+    """What a command renders."""
+    from harness.cli.options import scene_file
 
     if scene is None:
         raise HarnessError("--command needs the scene that it renders: --scene SCENE.xml")
+    if not scene.is_file():
+        raise HarnessError(f"{scene}: no such scene file; give the path of a Mitsuba 3 .xml scene")
+    return scene_file(scene, size, parameters, max_depth)
+
+
+def _command_sides(program: Command, file: SceneFile, words: list[str], spp: int, replicas: int,
+                   cache: bool) -> tuple[Side, Side]:
+    from harness.cli.options import open_store
+    from harness.cli.sides import REFERENCE_FACTOR, files_side, mitsuba_side, runs_side
+
     if len(words) > 1:
         raise HarnessError(f"with --command there is one argument at the most, the reference, found {len(words)}; "
                            "quote a pattern, so that the shell leaves it alone")
-    if not scene.is_file():
-        raise HarnessError(f"{scene}: no such scene file; give the path of a Mitsuba 3 .xml scene")
-    file = scene_file(scene, size, parameters)
-    program = Command(command, timeout)
     if words:
         reference = files_side(words[0])
         return runs_side(program, file, replicas, spp), reference

@@ -32,15 +32,15 @@ def gallery(
 
     Example: `harness gallery --spp 500`
     """
-    from harness.course.gallery import EXHIBITS, SIDE, render_picture
+    from harness.course.gallery import FIGURES, SIDE, render_picture
     from harness.files import data_dir
 
-    counts = {exhibit.scene: exhibit.spp for exhibit in EXHIBITS}
-    paths = scenes or [data_dir("mitsuba_scenes") / f"{exhibit.scene}.xml" for exhibit in EXHIBITS]
+    counts = {figure.scene: figure.spp for figure in FIGURES}
+    paths = scenes or [data_dir("mitsuba_scenes") / f"{figure.scene}.xml" for figure in FIGURES]
     loaded = [open_scene(path, size or f"{SIDE}x{SIDE}") for path in paths]  # a bad one shows before the first render
     pictures = []
     for scene in loaded:
-        wanted = spp or counts.get(scene.name, EXHIBITS[0].spp)
+        wanted = spp or counts.get(scene.name, FIGURES[0].spp)
         picture = render_picture(scene, wanted, output, progress=progress, saved=_Teller(scene, wanted))
         if picture.rejected:
             log(f"warning: {picture.png}: {not_finite(picture.rejected)}")

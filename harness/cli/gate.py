@@ -22,6 +22,8 @@ def gate(
         "--only", metavar="NAME", help="Run this gate, or this entry's; may be given several times.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the summary page, and for what gates that "
                                          "do not pass leave behind.")] = Path("reports/out/gates"),
+    ladder: Annotated[bool, typer.Option("--ladder/--no-ladder", help="Where a gate fails, run it at max_depth 1, 2, "
+                                         "3, ... too, and say from which bounce on it is wrong.")] = True,
     cache: CacheOption = True,
     device: DeviceOption = None,
     json: JsonOption = False,
@@ -49,7 +51,7 @@ def gate(
     try:
         with progress(len(chosen), file.name) as advance:
             for item in chosen:
-                found.append(_run(item, references, output))
+                found.append(_run(item, references, output, ladder))
                 advance(1)
     finally:  # also of what was done before Ctrl-C
         pages = summary.write_summary(found, output)
@@ -64,12 +66,12 @@ def gate(
     return 0 if all(item.outcome == "pass" for item in found) else 1
 
 
-def _run(gate: Gate, references: References, output: Path) -> GateRecord:
+def _run(gate: Gate, references: References, output: Path, ladder: bool) -> GateRecord:
     """Run one gate and save what it leaves; what keeps this one from running is no reason not to run the others."""
     from harness.gates import artefacts, run_gate
 
     try:
-        result = run_gate(gate, references, progress=progress)
+        result = run_gate(gate, references, progress=progress, ladder=ladder)
     except MachineError:
         raise
     except HarnessError as error:

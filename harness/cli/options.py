@@ -34,6 +34,8 @@ BYTES_PER_PIXEL = 600
 
 SceneArgument = Annotated[Path, typer.Argument(help="A Mitsuba 3 scene file (.xml).", show_default=False)]
 SizeOption = Annotated[str | None, typer.Option("--size", metavar="WxH", help="Image size instead of the film's.")]
+DepthOption = Annotated[int | None, typer.Option("--max-depth", metavar="N", min=1, max=1024, help=(
+    "Vertices of a path at most, instead of the scene's; 1 is light seen directly."))]
 SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A value for a <default> "
                                                        "parameter of the scene; may be given several times.")]
 ExecutorOption = Annotated[str, typer.Option("--executor", help="Where samples are drawn: serial (in this process), or "
@@ -55,8 +57,10 @@ def choose_device(number: int | None) -> int | None:
     return number
 
 
-def scene_file(path: Path, size: str | None = None, parameters: Sequence[str] | None = None) -> SceneFile:
-    """The scene file with the size and the parameters given on the command line. HarnessError for malformed ones."""
+def scene_file(path: Path, size: str | None = None, parameters: Sequence[str] | None = None,
+               max_depth: int | None = None) -> SceneFile:
+    """The scene file with the size, the parameters and the depth given on the command line. HarnessError for malformed
+    ones."""
     from harness.scene import SceneFile
 
     width, height = parse_size(size)
@@ -66,7 +70,7 @@ def scene_file(path: Path, size: str | None = None, parameters: Sequence[str] | 
         if not (name.strip() and equals):
             raise HarnessError(f"--set: expected NAME=VALUE, such as alpha=10; found '{text}'")
         given[name.strip()] = value.strip()
-    return SceneFile(path, tuple(given.items()), (width, height) if width and height else None)
+    return SceneFile(path, tuple(given.items()), (width, height) if width and height else None, max_depth)
 
 
 def open_scene(file: Path | SceneFile, size: str | None = None) -> Scene:
@@ -74,12 +78,12 @@ def open_scene(file: Path | SceneFile, size: str | None = None) -> Scene:
 
     HarnessError, besides what the scene's file gives reason for, when this machine's memory cannot hold its image.
     """
-    from harness.scene import load
+    from harness.scene import load, present
 
     file = scene_file(file, size) if isinstance(file, Path) else file
     scene = load(file)
     require_memory(file)
-    for note in scene.notes:
+    for note in present(file).notes:
         log(f"{file.path}: note: {note}")
     return scene
 

@@ -10,6 +10,7 @@ import typer
 
 from harness.cli.options import (
     CacheOption,
+    DepthOption,
     DeviceOption,
     SceneArgument,
     SetOption,
@@ -45,6 +46,7 @@ def render(
     spp: SppOption = 256,
     replica: ReplicaOption = 0,
     size: SizeOption = None,
+    max_depth: DepthOption = None,
     parameters: SetOption = None,
     output: OutputOption = None,
     cache: CacheOption = True,
@@ -57,14 +59,14 @@ def render(
     """
     from harness.estimators.tracer import Tracer
 
-    file = scene_file(scene, size, parameters)
-    loaded = open_scene(file)
+    file = scene_file(scene, size, parameters, max_depth)
+    open_scene(file)
     estimator = Tracer(strategy)
     warning = estimator.check(file)
     target = _target(output, scene.stem)
     if warning:
         log(f"{scene}: warning: strategy '{strategy}': {warning}")
-    labels = {"strategy": strategy, "exposure": loaded.exposure}
+    labels = {"strategy": strategy, "exposure": file.film.exposure}
     _render(estimator, file, target, Asked(spp, replica, cache, json), labels)
 
 
@@ -73,6 +75,7 @@ def reference(
     spp: SppOption = 1024,
     replica: ReplicaOption = 0,
     size: SizeOption = None,
+    max_depth: DepthOption = None,
     parameters: SetOption = None,
     integrator: Annotated[str, typer.Option("--integrator", help="The scene file's own ('file'), or another of "
                                             "Mitsuba's: path, volpath, ptracer, ...")] = "file",
@@ -90,7 +93,7 @@ def reference(
     """
     from harness.estimators.mitsuba import Mitsuba
 
-    file = scene_file(scene, size, parameters)
+    file = scene_file(scene, size, parameters, max_depth)
     require_memory(file)
     estimator = Mitsuba(integrator, variant=variant)
     target = _target(output, f"{scene.stem}-reference")

@@ -12,6 +12,7 @@ from harness.cli.options import (
     MAX_SPP,
     CacheOption,
     ConfidenceOption,
+    DepthOption,
     DeviceOption,
     ExecutorOption,
     SceneArgument,
@@ -45,6 +46,7 @@ def study(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to keep the result in: study.json, "
                                                 "images, and table.csv, one number a row.")] = None,
     size: SizeOption = None,
+    max_depth: DepthOption = None,
     parameters: SetOption = None,
     tolerance: Annotated[float | None, typer.Option(
         "--tolerance", min=1e-9, max=1.0, help="Bias, relative to the mean, that still counts as equivalent; 0.002 if "
@@ -71,7 +73,7 @@ def study(
     names = _names(strategies)
     if reference and reference_spp:
         raise HarnessError("--reference-spp is for an image yet to be rendered; leave it out, or --reference")
-    loaded = open_scene(scene_file(scene, size, parameters))
+    loaded = open_scene(scene_file(scene, size, parameters, max_depth))
     ready = _open_reference(reference, loaded) if reference else None
     if output:
         from harness.files import require_writable

@@ -26,8 +26,8 @@ STEP = 32
 
 
 @dataclass(frozen=True)
-class Exhibit:
-    """A picture of the handout: the scene file's name, and how many samples per pixel the handout gave it."""
+class Figure:
+    """A figure of the handout: the scene file's name, and how many samples per pixel the handout gave it."""
 
     scene: str
     spp: int
@@ -35,7 +35,7 @@ class Exhibit:
 
 # The course's handout shows both at 1024 x 1024.
 SIDE = 1024
-EXHIBITS = (Exhibit("displaced_spheres", 2_000), Exhibit("course_scene", 20_000))
+FIGURES = (Figure("displaced_spheres", 2_000), Figure("course_scene", 20_000))
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,9 @@ def render_picture(scene: Scene, spp: int, folder: Path, *, strategy: str = "mix
     exr, png = folder / f"{scene.name}.exr", folder / f"{scene.name}.png"
     for path in (exr, png):
         require_writable(path)
-    with Tracer(strategy).open(file_of(scene)) as renderer:
-        state = _State(scene, exr, png, digest(dict(renderer.identity), 16))
+    file = file_of(scene)
+    with Tracer(strategy).open(file) as renderer:
+        state = _State(scene, exr, png, digest(dict(renderer.identity), 16), file.film.exposure)
         resumed = written = state.samples
 
         def picture() -> Picture:
@@ -96,8 +97,8 @@ def render_picture(scene: Scene, spp: int, folder: Path, *, strategy: str = "mix
 class _State:
     """The sum of a picture's samples, as it is in memory and as it was last on disk."""
 
-    def __init__(self, scene: Scene, exr: Path, png: Path, picture: str) -> None:
-        self._scene, self._exr, self._png, self._picture = scene, exr, png, picture
+    def __init__(self, scene: Scene, exr: Path, png: Path, picture: str, exposure: float) -> None:
+        self._scene, self._exr, self._png, self._picture, self._exposure = scene, exr, png, picture, exposure
         self._total = np.zeros((scene.height, scene.width, 3))
         self.rejected = 0
         self.samples = 0
@@ -123,5 +124,5 @@ class _State:
         mean = self._total / self.samples
         write_batch(self._exr, Batch(mean.astype(np.float32), self.samples), {
             "picture": self._picture, "scene": self._scene.name, "spp": self.samples, "not_finite": self.rejected})
-        write_png(self._png, mean, self._scene.exposure)
+        write_png(self._png, mean, self._exposure)
         return self.samples

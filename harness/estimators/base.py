@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from harness.progress import Advance
 from harness.samples.estimate import Batch
@@ -52,3 +52,19 @@ class Estimator(Protocol):
     def open(self, scene: SceneFile) -> AbstractContextManager[Renderer]:
         """The renderer of this estimator on a scene. HarnessError where it cannot render the scene."""
         ...
+
+
+@runtime_checkable
+class TakesDepth(Protocol):
+    """An estimator that may be asked for paths of another length than the scene's: `SceneFile.max_depth` reaches it."""
+
+    def takes_depth(self, scene: SceneFile) -> str:
+        """Why it cannot be asked after all, as what a message goes on with; empty where it can."""
+        ...
+
+
+def no_depth(estimator: Estimator, scene: SceneFile) -> str:
+    """Why an estimator cannot be asked for paths of another length; empty where it can."""
+    if isinstance(estimator, TakesDepth):
+        return estimator.takes_depth(scene)
+    return f"{estimator.name} is what it is at every max_depth"

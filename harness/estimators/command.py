@@ -25,12 +25,14 @@ from harness.samples.traits import Traits
 from harness.scene.file import SceneFile
 
 # What a command line may ask for, and what it must: without them there is no image, or no second one.
-WORDS = ("scene", "spp", "seed", "out", "width", "height")
+WORDS = ("scene", "spp", "seed", "out", "width", "height", "max_depth")
 NEEDED = ("seed", "out")
 # Seconds that one run may take unless somebody says otherwise.
 TIME_LIMIT = 600.0
 # How long a program that is told to end may go on before it is killed, in seconds.
 GRACE = 2.0
+# What {max_depth} stands for where the scene file sets no bound, as Mitsuba writes it.
+UNBOUNDED = -1
 # A seed of 0 means "choose one" to many programs.
 FIRST_SEED = 1
 
@@ -41,8 +43,8 @@ class Command:
 
     `template` is split as a shell would, but no shell runs it. In its words {scene} stands for the scene file, {spp}
     for samples per pixel, {seed} for a number that differs from run to run, {out} for the image to write, {width} and
-    {height} for its size. `seconds`: how long a run may take. `suffix`: of {out}, by which a program may choose the
-    format.
+    {height} for its size, {max_depth} for the vertices of a path at most (-1: no bound). `seconds`: how long a run may
+    take. `suffix`: of {out}, by which a program may choose the format.
     """
 
     template: str
@@ -71,10 +73,10 @@ class Command:
         return Path(shlex.split(self.template)[0]).name
 
     def check(self, scene: SceneFile) -> str:
-        """It is taken at its word. HarnessError for a word in braces that stands for nothing, and for a parameter of
-        the scene that the program is not told of: it would render another scene."""
+        """It is taken at its word. HarnessError for a word in braces that stands for nothing, and for a parameter or a
+        depth of the scene that the program is not told of: it would render another scene."""
         given = dict(scene.parameters)
-        asked = {name for word in shlex.split(self.template) for _, name, _, _ in Formatter().parse(word) if name}
+        asked = self._asked()
         for name in sorted(asked - given.keys()):
             if name not in WORDS:
                 allowed = ", ".join(f"{{{word}}}" for word in (*WORDS, *given))
@@ -82,7 +84,17 @@ class Command:
         for name in sorted(given.keys() - asked):
             raise HarnessError(f"command `{self.template}`: the scene's parameter '{name}' does not reach it; pass "
                                f"{{{name}}} on to the program")
+        if scene.max_depth is not None and (reason := self.takes_depth(scene)):
+            raise HarnessError(f"command `{self.template}`: {reason}")
         return ""
+
+    def takes_depth(self, scene: SceneFile) -> str:
+        """Empty where {max_depth} reaches the program."""
+        return "" if "max_depth" in self._asked() else "max_depth does not reach it; pass {max_depth} on to the program"
+
+    def _asked(self) -> set[str]:
+        """The words in braces."""
+        return {name for word in shlex.split(self.template) for _, name, _, _ in Formatter().parse(word) if name}
 
     @contextmanager
     def open(self, scene: SceneFile) -> Iterator[CommandRenderer]:
@@ -104,6 +116,8 @@ class CommandRenderer:
         self._command, self._scene, self._folder = command, scene, folder
         self._film = scene.film
         self._hash = scene.hash
+        asked = command.takes_depth(scene) == ""
+        self._depth = (scene.depth or UNBOUNDED) if asked else UNBOUNDED
         self._first: tuple[int, np.ndarray] | None = None
 
     @property
@@ -151,7 +165,7 @@ class CommandRenderer:
 
     def _run(self, seed: int, spp: int, out: Path) -> None:
         values = {"scene": self._scene.path, "spp": spp, "seed": seed, "out": out, "width": self._film.width,
-                  "height": self._film.height, **dict(self._scene.parameters)}
+                  "height": self._film.height, "max_depth": self._depth, **dict(self._scene.parameters)}
         arguments = [word.format(**values) for word in shlex.split(self._command.template)]
         with tempfile.TemporaryFile() as said:
             try:

@@ -29,6 +29,10 @@ class Mitsuba:
         """Whatever the integrator, it is taken at its word."""
         return ""
 
+    def takes_depth(self, scene: SceneFile) -> str:
+        """Empty unless it has a depth of its own."""
+        return "" if self.max_depth is None else f"{self.name} has a max_depth of its own, {self.max_depth}"
+
     @contextmanager
     def open(self, scene: SceneFile) -> Iterator[ReferenceRenderer]:
         """HarnessError for an unknown integrator or variant, SceneError where Mitsuba refuses the scene."""

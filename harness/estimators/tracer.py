@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.errors import HarnessError
 from harness.gpu.renderer import TracerRenderer
 from harness.scene import Scene, SceneFile, load
-from harness.shader.library import OURS, Library
+from harness.shader.library import GENERATED, OURS, Library
 from harness.shader.own_files import own_library
 from harness.shader.source import ShaderSource
 from harness.shader.strategies import check_strategy
 
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 # Features of a scene that a tracer can leave out, by name: what they cost is measured against it.
 FEATURES: dict[str, Callable[[Scene], Scene]] = {
     "lens": lambda scene: dataclasses.replace(
@@ -44,8 +47,20 @@ class Tracer:
         return self.strategy
 
     def check(self, scene: SceneFile) -> str:
-        """What light of the scene the strategy never finds; empty where it finds all."""
+        """What light of the scene the strategy never finds; empty where it finds all.
+
+        HarnessError where the scene has a depth set that somebody's shader would not heed."""
+        if scene.max_depth is not None and (reason := self.takes_depth(scene)):
+            raise HarnessError(reason)
         return check_strategy(load(scene), self.strategy).warning
+
+    def takes_depth(self, scene: SceneFile) -> str:
+        """Empty where the shader heeds MAX_DEPTH, which is written into it from the scene."""
+        texts = [text for name, text in self.source(scene).files if name != GENERATED]
+        if any(re.search(r"\bMAX_DEPTH\b", _COMMENT.sub(" ", text)) for text in texts):
+            return ""
+        return (f"{self.shader or self.folder or 'the shader'} does not use MAX_DEPTH, so no depth can be set; bound "
+                "its paths by it")
 
     def whole_library(self) -> Library:
         """The library with one's own files in it. HarnessError for files that cannot stand in for anything."""

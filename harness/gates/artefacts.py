@@ -8,7 +8,9 @@ import os
 import shlex
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,25 +18,29 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, NullLocator, PercentFormatter
 
 from harness.files import write_atomically
-from harness.gates.model import Gate, GateResult
+from harness.gates.model import Gate, GateResult, Ladder
 from harness.gates.records import as_json
 from harness.report.figures.pictures import DIFFERENCE_MAP, difference_map, robust_limit, tile_pixels
 from harness.report.figures.style import TOLERANCE_COLOUR, strategy_style
 from harness.report.figures.svg import blank, png, svg
-from harness.results import GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord
+from harness.results import GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord, RungRecord
 from harness.samples.exr import write_estimate
 from harness.samples.images import write_png
+from harness.stats.bias import Outcome
 from harness.stats.findings import largest_deviates
 
 RESULT_FILE = "result.json"
 IMAGES = ("test.exr", "test.png", "reference.exr", "reference.png")
 Z_MAP, DIFFERENCE, CURVE = "z-map.png", "difference.png", "curve.svg"
+# Of the ladder of depths, where there is one: errors by depth, and the difference at the first that is wrong.
+LADDER, WRONG_DEPTH = "ladder.svg", "difference-at-wrong-depth.png"
 PICTURES = ("test.png", "reference.png", DIFFERENCE, Z_MAP, CURVE)
+ALL_PICTURES = (*PICTURES, LADDER, WRONG_DEPTH)
 
 # The difference map's range is at least that of visible errors, the z-map's that of chance.
 LEAST_DIFFERENCE = 0.02
 LEAST_Z = 5.0
-_MAP_CM, _CURVE_CM = (13.0, 9.5), (17.0, 7.0)
+_MAP_CM, _CURVE_CM, _LADDER_CM = (13.0, 9.5), (17.0, 7.0), (13.0, 7.0)
 
 
 def save_result(result: GateResult, folder: Path, *, pictures: bool = True) -> None:
@@ -51,6 +57,12 @@ def save_result(result: GateResult, folder: Path, *, pictures: bool = True) -> N
         # Letters as shapes: the file is looked at alone, where nobody brings the fonts.
         curve = svg(lambda: _curve(result), result.gate.name, letters_as_shapes=True)
         figures = {Z_MAP: png(lambda: _z_map(result)), DIFFERENCE: png(lambda: _difference(result)), CURVE: curve}
+        if ladder := result.ladder:
+            if ladder.rungs:
+                figures[LADDER] = svg(lambda: _ladder(result, ladder), f"{result.gate.name} ladder",
+                                      letters_as_shapes=True)
+            if (rung := ladder.wrong) and (wrong := rung.result):
+                figures[WRONG_DEPTH] = png(lambda: _difference(wrong, f" at depth {rung.depth}"))
         for name, content in figures.items():
             with write_atomically(folder / name) as partial:
                 partial.write_bytes(content)
@@ -60,7 +72,7 @@ def save_result(result: GateResult, folder: Path, *, pictures: bool = True) -> N
 
 def clear(folder: Path) -> None:
     """Remove what an earlier run of the gate left in its folder."""
-    for name in (*IMAGES, *PICTURES, RESULT_FILE):
+    for name in (*IMAGES, *ALL_PICTURES, RESULT_FILE):
         with suppress(OSError):
             (folder / name).unlink()
 
@@ -76,7 +88,7 @@ def command(gate: Gate) -> str:
 
 def error_record(gate: Gate, error: Exception) -> GateRecord:
     """The record of a gate that could not be run."""
-    return GateRecord(gate.name, "error", str(error), **_facts(gate), numbers=None)
+    return _record(gate, "error", str(error))
 
 
 def record(result: GateResult) -> GateRecord:
@@ -95,12 +107,24 @@ def record(result: GateResult) -> GateRecord:
                     for point in result.curve),
         samples=result.test.samples, budget=gate.spp * gate.replicas, not_finite=result.test.rejected,
         fail_level=gate.fail_level, seconds=round(result.seconds, 3))
-    return GateRecord(gate.name, result.outcome, result.reason, **_facts(gate), numbers=numbers)
+    told = replace(_record(gate, result.outcome, result.reason), numbers=numbers)
+    if result.ladder is None:
+        return told
+    rungs = tuple(RungRecord(rung.depth, rung.outcome, rung.reason, rung.samples,
+                             *_numbers((rung.error, rung.low, rung.high))) for rung in result.ladder.rungs)
+    return replace(told, wrong_from=_wrong_from(result.ladder), ladder=rungs)
 
 
-def _facts(gate: Gate) -> dict[str, str]:
-    return {"why": gate.reason, "scene": gate.scene.name, "strategy": gate.strategy, "origin": gate.origin,
-            "command": command(gate)}
+def _wrong_from(ladder: Ladder) -> int | None:
+    if ladder.wrong:
+        return ladder.wrong.depth
+    known = ladder.rungs and ladder.rungs[-1].depth != ladder.top
+    return ladder.top if known else None
+
+
+def _record(gate: Gate, outcome: Outcome | Literal["error"], reason: str) -> GateRecord:
+    return GateRecord(gate.name, outcome, reason, why=gate.reason, scene=gate.scene.name, strategy=gate.strategy,
+                      origin=gate.origin, command=command(gate))
 
 
 def _numbers(values: Iterable[float]) -> tuple[float | None, ...]:
@@ -126,11 +150,11 @@ def _z_map(result: GateResult) -> Figure:
     return figure
 
 
-def _difference(result: GateResult) -> Figure:
+def _difference(result: GateResult, where: str = "") -> Figure:
     """The signed relative difference of luminance of each pixel."""
     difference = difference_map(result.test.mean, result.reference.mean)
     figure = _map(difference, robust_limit([difference], LEAST_DIFFERENCE),
-                  f"{result.gate.name}: relative difference of luminance", "(test − reference) / reference")
+                  f"{result.gate.name}: relative difference of luminance{where}", "(test − reference) / reference")
     figure.axes[1].yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
     return figure
 
@@ -143,6 +167,30 @@ def _map(values: np.ndarray, limit: float, title: str, label: str) -> Figure:
     axes.set_title(title, loc="left")
     clipped = np.nanmax(np.abs(values), initial=0.0) > limit
     figure.colorbar(shown, ax=axes, label=label, extend="both" if clipped else "neither", shrink=0.85)
+    return figure
+
+
+def _ladder(result: GateResult, ladder: Ladder) -> Figure:
+    """Mean error with its interval at each depth, the scene's own last, inside the tolerance's band."""
+    figure = blank(*_LADDER_CM, layout="constrained")
+    axes = figure.subplots()
+    style = strategy_style(result.gate.strategy)
+    tolerance = result.gate.tolerance.mean
+    axes.axhspan(-tolerance, tolerance, color=TOLERANCE_COLOUR, linewidth=0, zorder=0)
+    axes.axhline(0, color="#888888", linewidth=0.5)
+    found = [(str(rung.depth), rung.outcome, rung.error, rung.low, rung.high) for rung in ladder.rungs]
+    found.append((str(ladder.top or "unbounded"), result.outcome, *result.verdict.luminance))
+    for place, (_, outcome, error, low, high) in enumerate(found):
+        if math.isfinite(low) and math.isfinite(high):
+            axes.plot([place, place], [low, high], color=style.colour, alpha=0.5)
+        if math.isfinite(error):
+            axes.plot(place, error, color=style.colour, marker=style.marker)
+        axes.annotate(outcome, (place, 1.0), xycoords=("data", "axes fraction"), ha="center", va="bottom", size="small")
+    axes.set_xticks(range(len(found)), [depth for depth, *_ in found])
+    axes.set_xlim(-0.5, len(found) - 0.5)
+    axes.set_xlabel("vertices of a path at most")
+    axes.set_title("Mean error of luminance by depth", loc="left", pad=14)
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
     return figure
 
 

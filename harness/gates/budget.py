@@ -7,11 +7,11 @@ from scipy import special
 
 from harness.gates.model import Gate
 from harness.stats.bias import error_scale
+from harness.stats.contrasts import DARK_TILE
 from harness.stats.deviates import critical_deviate
 from harness.stats.needed import DECIDED, factor_to_decide, undecided
-from harness.stats.sequential import Sequence
+from harness.stats.sequential import Looking
 from harness.stats.tiles import ImageMoments, TileMoments
-from harness.stats.verdicts import DARK_TILE
 
 
 def too_small(gate: Gate, test: ImageMoments, reference: ImageMoments) -> bool:
@@ -24,7 +24,7 @@ def too_small(gate: Gate, test: ImageMoments, reference: ImageMoments) -> bool:
     return undecided(ratios, gate.replicas / gate.looks[0], _sure(gate.sequence)) > 1 - DECIDED
 
 
-def factor_needed(sequence: Sequence, test: ImageMoments, reference: ImageMoments) -> float:
+def factor_needed(sequence: Looking, test: ImageMoments, reference: ImageMoments) -> float:
     """How many times the samples of a first look decide with probability 0.95, if there is no bias.
 
     Both sides are taken to grow. Stein's (1945) two-stage sample size: from the pilot's variance alone, so that the
@@ -33,7 +33,7 @@ def factor_needed(sequence: Sequence, test: ImageMoments, reference: ImageMoment
     return factor_to_decide(_ratios(sequence, test, reference), _sure(sequence))
 
 
-def _ratios(sequence: Sequence, test: ImageMoments, reference: ImageMoments, *, at_least: bool = False) -> np.ndarray:
+def _ratios(sequence: Looking, test: ImageMoments, reference: ImageMoments, *, at_least: bool = False) -> np.ndarray:
     """All standard errors of a look in tolerances; `at_least`: the smallest that it leaves possible."""
     dof = min(side.fine.dof for side in (test, reference))
     allowed = sequence.tolerance.mean, sequence.tolerance.coarse, sequence.tolerance.fine
@@ -42,7 +42,7 @@ def _ratios(sequence: Sequence, test: ImageMoments, reference: ImageMoments, *, 
                            for sigma, bound in relative])
 
 
-def _sure(sequence: Sequence) -> float:
+def _sure(sequence: Looking) -> float:
     """Half the width of the last look's intervals in standard errors."""
     return critical_deviate(sequence.looks.level(len(sequence.looks.samples) - 1, sequence.pass_level) / 2)
 

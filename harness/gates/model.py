@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -14,7 +16,7 @@ from harness.scene import SceneFile
 from harness.stats.bias import Outcome
 from harness.stats.channels import Channel
 from harness.stats.levels import Looks
-from harness.stats.sequential import Sequence
+from harness.stats.sequential import Looking
 from harness.stats.verdicts import BiasVerdict, TileVerdict, Tolerance
 
 # Looks are at 1/4, 1/2 and all of the budget: an easy gate is spared three quarters of it.
@@ -26,6 +28,8 @@ MIN_REPLICAS = MIN_FIRST_LOOK * LOOK_SHARES[0]
 MAX_REPLICAS = 256
 # Pixels a side: no verdict gains by more, and the batches of such an image still fit into 2 GB.
 MAX_SIDE = 1024
+# A tolerance of tiles beyond 1 sees nothing but fireflies: for gates that mean the mean alone.
+MAX_TILE = 10.0
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,7 @@ class Gate:
     `test` is judged, `reference` is what it is held against; `reference_spp`: samples per pixel of the reference for
     each replica of the test, where it is drawn. `spp` is of each replica and `replicas` the most that may be drawn:
     together the budget. `not_finite`: the share of samples that may be neither finite nor counted. `fail_level` and
-    `pass_level` are those of `stats.sequential.Sequence`, the former this gate's share of its family's. `origin`: file
+    `pass_level` are those of `stats.sequential.Looking`, the former this gate's share of its family's. `origin`: file
     and line, where messages point; `entry`: the name of the entry of the file, which stands for one gate a strategy.
     `at_once`: all replicas are there from the beginning (images in files), so there is one look, at all of them.
     """
@@ -67,10 +71,10 @@ class Gate:
         return (self.replicas,) if self.at_once else tuple(self.replicas // share for share in LOOK_SHARES)
 
     @property
-    def sequence(self) -> Sequence:
+    def sequence(self) -> Looking:
         """The verdicts at these looks, and the error rates that they share."""
-        return Sequence(Looks(tuple(self.spp * replicas for replicas in self.looks)), self.tolerance, self.fail_level,
-                        self.pass_level)
+        return Looking(Looks(tuple(self.spp * replicas for replicas in self.looks)), self.tolerance, self.fail_level,
+                       self.pass_level)
 
     def error(self, message: str) -> HarnessError:
         """A HarnessError that begins with where the gate stands and which it is."""
@@ -120,13 +124,48 @@ class CurvePoint:
 
 
 @dataclass(frozen=True, eq=False)
+class Rung:
+    """A failed gate at another depth. `black`: neither side has light yet, so there is no mean to err from.
+
+    `samples` per pixel were drawn; `error`, `low`, `high`: of the image's mean luminance, as of `CurvePoint`, NaN where
+    none was measured. `result`: what running it found, None where it was black or could not be run.
+    """
+
+    depth: int
+    outcome: Outcome | Literal["black"]
+    reason: str
+    samples: int
+    error: float = math.nan
+    low: float = math.nan
+    high: float = math.nan
+    result: GateResult | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """The depths at which a failed gate was run again, in ascending order; see `gates.ladder.climb`.
+
+    `top`: the scene's own depth, None where it has no bound; `reason`: why there are no rungs, where there is one.
+    """
+
+    rungs: tuple[Rung, ...]
+    top: int | None
+    reason: str = ""
+
+    @property
+    def wrong(self) -> Rung | None:
+        """The first that fails; None where only the scene's own depth does."""
+        return next((rung for rung in self.rungs if rung.outcome == "fail"), None)
+
+
+@dataclass(frozen=True, eq=False)
 class GateResult:
     """What running a gate found.
 
     `outcome` and `reason` are those of the last look, or of samples that were not finite. A pass means that the error
     of the image and of every tile lies within its tolerance at the gate's confidence, so a bias as large as a tolerance
     passes with probability `pass_level` / 2 at the most: a gate that cannot see so far does not pass.
-    `seconds` is wall time, the reference included.
+    `seconds` is wall time, the reference included. `ladder`: of a gate that failed, unless it was not asked for.
     """
 
     gate: Gate
@@ -138,6 +177,7 @@ class GateResult:
     reference: Estimate
     exposure: float
     seconds: float
+    ladder: Ladder | None = None
 
     @property
     def verdict(self) -> BiasVerdict:

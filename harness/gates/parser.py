@@ -6,13 +6,15 @@ or for several strategies of one, [[gate]]:
     name         a folder's name; of a list of strategies each is called NAME-STRATEGY
     scene        a Mitsuba scene file (.xml), or the name of one that is bundled with the harness
     strategy     one, or a list; or in its place
-    command      a program that renders the scene: "myrt {scene} --spp {spp} --seed {seed} -o {out}"; or
+    command      a program that renders the scene: "myrt {scene} --spp {spp} --seed {seed} -o {out}" ({max_depth}
+                 hands a depth on); or
     images       renders that are there: a file, a folder or a pattern such as "mine_*.exr", each an independent run
     reason       why this tolerance; reports quote it
     tolerance    { mean, coarse, fine }: relative bias of the image, of larger and of smaller tiles that counts as none
     spp          samples per pixel of a replica
     replicas     the most that are drawn; with spp the budget
     size         [width, height], the film's own if not given
+    max_depth    vertices of a path at most, of the test and of Mitsuba's reference; the scene's own if not given
     reference    { spp } of Mitsuba for each replica, { file } (.exr), or { value } (one colour for all pixels)
     confidence   of the intervals that must lie within the tolerance
     not_finite   the share of samples that may be neither finite nor counted
@@ -45,11 +47,12 @@ from harness.gates.model import (
     LOOK_SHARES,
     MAX_REPLICAS,
     MAX_SIDE,
+    MAX_TILE,
     MIN_REPLICAS,
     Gate,
     GatesFile,
 )
-from harness.scene import SceneFile
+from harness.scene.file import MAX_DEPTH_LIMIT, SceneFile
 from harness.shader.strategies import STRATEGIES
 from harness.stats.levels import family_level
 from harness.stats.verdicts import Tolerance
@@ -59,10 +62,9 @@ DEFAULTS: dict[str, Any] = {"spp": 32, "replicas": 64, "reference": {"spp": 32},
 # The whole file raises a false alarm with at most this probability, unless its [suite] says otherwise.
 FALSE_ALARMS = 0.01
 MAX_SPP = 1 << 16  # of one replica
-MAX_TILE = 10.0  # a tolerance of tiles beyond 1 sees nothing but fireflies: for gates that mean the mean alone
 
-_GATE_KEYS = ("name", "scene", "strategy", "reason", "tolerance", "spp", "replicas", "size", "reference", "confidence",
-              "not_finite", "command", "images", "timeout", "shader", "glsl")
+_GATE_KEYS = ("name", "scene", "strategy", "reason", "tolerance", "spp", "replicas", "size", "max_depth", "reference",
+              "confidence", "not_finite", "command", "images", "timeout", "shader", "glsl")
 # Of which a gate has one: what it judges.
 _JUDGED = ("strategy", "command", "images")
 _OWN_KEYS = ("name", "scene", "reason")  # which have no default
@@ -119,7 +121,8 @@ def _gates(entry: _Table, defaults: _Table) -> Iterator[Gate]:
     reason = entry.text("reason")
     path = _scene(entry)
     merged = entry.over(defaults)
-    scene = SceneFile(path, size=_size(merged))
+    depth = merged.integer("max_depth", 1, MAX_DEPTH_LIMIT) if "max_depth" in merged.values else None
+    scene = SceneFile(path, size=_size(merged), max_depth=depth)
     reference, reference_spp = _reference(merged)
     for label, test in _judged(merged, scene):
         files = len(test.files) if isinstance(test, Images) else 0
@@ -172,7 +175,7 @@ def _runs(table: _Table) -> Images:
 def _scene(entry: _Table) -> Path:
     """A file beside the gates file, or the name of a bundled scene."""
     named = entry.text("scene")
-    if named.endswith(".xml") or "/" in named:
+    if named.endswith(".xml"):
         return entry.existing("scene", named)
     try:
         return SceneFile.bundled(named).path

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from typing import Any
 
-from harness.results import GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord
+from harness.results import GateNumbers, GateRecord, LookRecord, PartRecord, PointRecord, RungRecord
 
 
 def as_json(record: GateRecord) -> dict[str, Any]:
@@ -26,4 +26,5 @@ def from_json(held: Mapping[str, Any]) -> GateRecord:
             "looks": tuple(LookRecord(**look) for look in given["looks"]),
             "curve": tuple(PointRecord(**point) for point in given["curve"])})
     told = {field.name: held[field.name] for field in fields(GateRecord) if field.name in held}
+    told["ladder"] = tuple(RungRecord(**rung) for rung in held.get("ladder", ()))
     return GateRecord(**told, numbers=numbers)

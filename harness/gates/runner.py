@@ -5,12 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from harness.errors import HarnessError
 from harness.estimators.base import Renderer
 from harness.gates.budget import factor_needed, tile_scale, too_small
+from harness.gates.contract import breach, one_image, remark
+from harness.gates.ladder import climb, told
 from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look
 from harness.gates.references import References
 from harness.progress import Progress, quiet
@@ -22,22 +26,38 @@ from harness.stats.verdicts import tile_verdict
 from harness.work.run import FixedRun, Run
 
 
-def run_gate(gate: Gate, references: References | None = None, *, progress: Progress = quiet) -> GateResult:
+def run_gate(gate: Gate, references: References | None = None, *, progress: Progress = quiet,
+             ladder: bool = True) -> GateResult:
     """Run one gate: look at a quarter, a half and all of its budget, and stop when it is decided.
 
     `references`: those of a run of several gates, which share them. The test is always rendered, never read from a
-    store, which a gate must not trust. Test and reference grow together. Raises HarnessError for a scene, estimator or
+    store, which a gate must not trust. Test and reference grow together. `ladder`: where it fails, run it at lesser
+    depths, and say from which on it is wrong (see `gates.ladder`). Raises HarnessError for a scene, estimator or
     reference that cannot be used, and for a budget that the variance (not the error) of the first look shows to be too
     small to decide.
     """
     began = time.perf_counter()
     film = check_gate(gate)
     with nullcontext(references) if references else References() as held:
-        theirs = held.of(gate)
-        with opened(gate) as renderer, progress(gate.spp * gate.replicas, gate.name) as advance:
-            ours = Run(renderer, gate.spp)
-            looks = _look(gate, ours, theirs, advance)
-            return _result(gate, film, looks, ours, theirs, time.perf_counter() - began)
+        result, broken = _run(gate, film, held, progress, began)
+        return _with_ladder(result, held) if ladder and result.outcome == "fail" and not broken else result
+
+
+def _run(gate: Gate, film: Film, references: References, progress: Progress, began: float) -> tuple[GateResult, bool]:
+    """The result, and whether it is one of a contract that was not kept, which is so at every depth."""
+    theirs = references.of(gate)
+    with opened(gate) as renderer, progress(gate.spp * gate.replicas, gate.name) as advance:
+        ours = Run(renderer, gate.spp)
+        looks = _look(gate, ours, theirs, advance)
+        broken = breach(gate, ours)
+        return _result(gate, film, looks, ours, theirs, broken, time.perf_counter() - began), bool(broken)
+
+
+def _with_ladder(failed: GateResult, references: References) -> GateResult:
+    """The result with the ladder of its depths, told in its reason."""
+    ladder = climb(failed, references, partial(run_gate, ladder=False))
+    said = told(ladder)
+    return replace(failed, ladder=ladder, reason=f"{failed.reason}; {said}" if said else failed.reason)
 
 
 def check_gate(gate: Gate) -> Film:
@@ -47,7 +67,11 @@ def check_gate(gate: Gate) -> Film:
     if max(film.width, film.height) > MAX_SIDE:
         raise gate.error(f"the scene's film has {film.width} x {film.height} pixels, a gate at most {MAX_SIDE} a "
                          "side; set 'size'")
-    if warning := gate.test.check(gate.scene):
+    try:
+        warning = gate.test.check(gate.scene)
+    except HarnessError as error:
+        raise gate.error(str(error)) if type(error) is HarnessError else error from None
+    if warning:
         raise gate.error(f"strategy '{gate.strategy}' does not suit the scene: {warning}")
     return film
 
@@ -71,7 +95,7 @@ def _look(gate: Gate, ours: Run, theirs: Run | FixedRun, advance: Callable[[floa
         test, reference = ours.tiles(replicas), theirs.tiles(replicas)
         verdict = gate.sequence.decide(number, test, reference)
         done.append(Look(gate.spp * replicas, int(reference.samples.sum()), verdict))
-        if verdict.outcome != "inconclusive":
+        if verdict.outcome != "inconclusive" or breach(gate, ours):
             break
         if number == 0 and not gate.at_once:
             _require_budget(gate, theirs, ImageMoments.of(test), ImageMoments.of(reference))
@@ -86,43 +110,20 @@ def _require_budget(gate: Gate, theirs: Run | FixedRun, test: ImageMoments, refe
                          f"decide; about {times(factor)} the samples would do{also}, or wider tolerances")
 
 
-def _result(gate: Gate, film: Film, looks: list[Look], ours: Run, theirs: Run | FixedRun,
+def _result(gate: Gate, film: Film, looks: list[Look], ours: Run, theirs: Run | FixedRun, broken: str,
             seconds: float) -> GateResult:
     last = looks[-1].verdict
     outcome, reason = last.outcome, last.reason
-    estimate = ours.estimate()
-    drawn = estimate.samples * film.width * film.height
-    if estimate.rejected > gate.not_finite * drawn:
-        outcome, reason = "fail", _uncounted(estimate.rejected, drawn)
-    elif ours.renderer.traits.streams == "any" and _is_one_image(ours) and _varies(ours):
-        outcome, reason = "fail", ("all replicas are one image, which is not without noise: the seed leaves out "
-                                   "`replica`, so its error and its noise cannot be told apart")
-    elif outcome != "pass" and _is_one_image(ours):
+    if broken:
+        outcome, reason = "fail", broken
+    elif outcome != "pass" and one_image(ours):
         reason += "; all batches are one image: without noise, or from a seed without `first_sample` and `replica`"
     elif outcome == "inconclusive":
         reason += f"; the budget of {gate.replicas} x {gate.spp} samples per pixel has ended"
-    return GateResult(gate, outcome, reason, tuple(looks), _curve(gate, ours, theirs), estimate, theirs.estimate(),
-                      film.exposure, seconds)
-
-
-def _uncounted(rejected: int, drawn: int) -> str:
-    """What samples that alpha does not count tell: a few were not finite, most or all were never added."""
-    counted = f"{rejected} of {drawn} samples were not finite, or not counted in alpha"
-    if 2 * rejected > drawn:
-        return (f"{counted}; to what pingpong0 holds (nothing at numpass 0) each of samples_per_pass samples must add "
-                "its radiance, and 1 to alpha")
-    return f"{counted}; look for a division by zero, or a root or power of a negative number"
-
-
-def _is_one_image(run: Run) -> bool:
-    means = run.tiles(run.replicas).means
-    return bool((means == means[0]).all())
-
-
-def _varies(run: Run) -> bool:
-    """Do further samples of a replica differ from its first?"""
-    first, further = (run.renderer.render_batch(0, start, run.spp).mean for start in (0, run.spp))
-    return not np.array_equal(first, further)
+    if outcome == "fail" and not broken:
+        reason += remark(looks[-1].verdict.mean, ours)
+    return GateResult(gate, outcome, reason, tuple(looks), _curve(gate, ours, theirs), ours.estimate(),
+                      theirs.estimate(), film.exposure, seconds)
 
 
 def _curve(gate: Gate, ours: Run, theirs: Run | FixedRun) -> tuple[CurvePoint, ...]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from harness.files import write_atomically
-from harness.gates.artefacts import PICTURES
+from harness.gates.artefacts import ALL_PICTURES, PICTURES
 from harness.gates.records import as_json
 from harness.report.pages.frame import framed
 from harness.results import GateNumbers, GateRecord
@@ -83,9 +83,11 @@ def _section(result: GateRecord, folder: Path) -> str:
     if result.command:
         lines += [f"<p><code>{escape(result.command)}</code></p>",
                   f'<p class="soft">{escape(result.why)} ({escape(result.origin)})</p>']
+    if result.ladder:
+        lines.append(_ladder(result))
     if result.numbers:
         lines += [_tests(result.numbers),
-                  '<div class="pictures">', *(_figure(result.gate, picture) for picture in PICTURES
+                  '<div class="pictures">', *(_figure(result.gate, picture) for picture in ALL_PICTURES
                                               if (folder / result.gate / picture).exists()), "</div>"]
     return "\n".join(lines)
 
@@ -98,6 +100,14 @@ def _tests(numbers: GateNumbers) -> str:
                    f"<td>{escape(test.reason)}</td></tr>" for key, test in numbers.tests.items())
     return ('<div class="scroll"><table><tr><th>test</th><th>outcome</th><th class="right">largest error</th>'
             f'<th class="right">tolerance</th><th>reason</th></tr>{rows}</table></div>')
+
+
+def _ladder(result: GateRecord) -> str:
+    rows = "".join(f'<tr><td class="right">{rung.depth}</td><td class="{rung.outcome}">{rung.outcome}</td>'
+                   f'<td class="right">{percent(rung.error, signed=True) if rung.error is not None else "–"}</td>'
+                   f"<td>{escape(rung.reason)}</td></tr>" for rung in result.ladder)
+    return ('<div class="scroll"><table><tr><th class="right">depth</th><th>outcome</th>'
+            f'<th class="right">mean error</th><th>reason</th></tr>{rows}</table></div>')
 
 
 def _figure(gate: str, picture: str) -> str:

@@ -12,6 +12,7 @@ from harness.errors import ShaderError
 from harness.gpu.context import Program, context, device
 from harness.shader.hosts.base import Host, Pass
 from harness.shader.source import ShaderSource
+from harness.shader.uniforms import uniforms
 
 # Fewer samples in a pass cost launch overhead and lanes that idle while their neighbours finish: 64 are 2 to 4 %
 # slower on spheres and cornell, 32 are 3 to 9 %. Twice as many gain up to 6 % but no batch of the store is that long.
@@ -40,11 +41,16 @@ class PingPong:
     def __init__(self, source: ShaderSource, size: tuple[int, int], host: Host, bind: Bind, iterations: int) -> None:
         """Compile; `size`: (width, height); `iterations`: of all the shader's loops for one sample, at most.
 
-        Raises ShaderError.
+        Raises ShaderError, for a uniform that nobody sets as well.
         """
         self._source, self._host, self._bind = source, host, bind
         self._width, self._height = size
         self._program = Program(source)
+        try:
+            self._require_set()
+        except BaseException:
+            self._program.release()
+            raise
         gl = context()
         self._textures = [gl.texture(size, 4, dtype="f4") for _ in range(2)]
         for texture in self._textures:
@@ -68,6 +74,21 @@ class PingPong:
         for framebuffer, texture in zip(self._framebuffers, self._textures, strict=True):
             framebuffer.release()
             texture.release()
+
+    def _require_set(self) -> None:
+        """ShaderError for a uniform without a value of its own that the picture depends on and nobody sets: a sampler
+        would read `pingpong0` instead, a number would be 0."""
+        known = [self._host.previous, *self._host.uniforms(Pass(0, 0, 1, 0)), *self._bind(1)]
+        declared = uniforms(self._source)
+        unset = sorted(name for name in self._program.uniforms.difference(known)
+                       if name not in declared or not declared[name].initialised)
+        if unset:
+            first, *others = unset
+            where = declared[first].where if first in declared else self._source.files[0][0]
+            also = f" ({', '.join(others)} neither)" if others else ""
+            raise ShaderError(f"{where}: nothing sets the uniform '{first}'{also}, so the image is arbitrary; give it a "
+                              "value where it is declared, or make it a constant (textures of one's own cannot be "
+                              f"bound); the harness sets {', '.join(known)}")
 
     def _accumulate(self, replica: int, first: int, samples: int,
                     advance: Callable[[float], None] | None) -> np.ndarray:

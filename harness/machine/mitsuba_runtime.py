@@ -15,12 +15,9 @@ from pathlib import Path
 from types import ModuleType
 
 from harness.errors import MachineError
+from harness.machine.llvm_beside import LLVM_VARIABLE, OLDEST_LLVM, library_beside
 
-# drjit 1.5 lowers dr.minimum to llvm.minimum, whose X86 selection came with LLVM 17: 15 and 16 abort the process with
-# "Cannot select: fminimum" at the first render, 14 is refused by drjit itself; 17, 19 and 23 rendered correctly.
-OLDEST_LLVM = 17
 LLVM_WHEEL = "karellen-llvm-core"
-LLVM_VARIABLE = "DRJIT_LIBLLVM_PATH"
 REFERENCE_VARIANT = "llvm_ad_rgb"
 # Where Debian, Fedora, Arch, and LLVM's own packages put the library.
 _SYSTEM_FOLDERS = (
@@ -49,7 +46,7 @@ def find_llvm() -> LLVM:
     MachineError when the user's path is unusable (it is never silently replaced), or when none is new enough.
     """
     chosen = os.environ.get(LLVM_VARIABLE)
-    if chosen:
+    if chosen and chosen != library_beside():  # that one the harness set itself when it was imported
         return _users_llvm(Path(chosen))
     unusable: list[str] = []
     for path, origin in [*_wheel_libraries(), *_system_libraries()]:
@@ -109,8 +106,9 @@ def use_reference_variant(variant: str = REFERENCE_VARIANT) -> ModuleType:
     except ImportError as error:
         raise MachineError(_explain(error)) from error
     if version[0] < OLDEST_LLVM:
-        raise MachineError(f"drjit runs on LLVM {version[0]}, which is older than {OLDEST_LLVM}; {_LLVM_MEND}, "
-                           "and import harness before drjit")
+        raise MachineError(f"drjit runs on LLVM {version[0]}, which is older than {OLDEST_LLVM}, and keeps what it found "
+                           "when it was imported; import harness before drjit and mitsuba, or start Python with "
+                           f"{LLVM_VARIABLE}={find_llvm().path} in its environment")
     return mitsuba
 
 

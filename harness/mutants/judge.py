@@ -124,7 +124,7 @@ class Judge:
     def _passes(self, gate: Gate) -> bool:
         """Whether the gate passes; a variance so large that its budget cannot decide is no pass."""
         try:
-            return run_gate(gate, self._references).outcome == "pass"
+            return run_gate(gate, self._references, ladder=False).outcome == "pass"
         except (MachineError, StoreError):
             raise  # a full disk kills no mutant
         except HarnessError:

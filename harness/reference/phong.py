@@ -32,6 +32,12 @@ def _texture(mi: Any, dr: Any, props: Any, name: str) -> Any:
     return texture
 
 
+def _largest_share(dr: Any, part: Any, rest: Any) -> Any:
+    """What of two colours' largest channels is the first's; 0 where both are black."""
+    both = dr.max(part) + dr.max(rest)
+    return dr.select(both > 0, dr.max(part) / dr.select(both > 0, both, 1), 0)
+
+
 def plugin_class(mi: Any) -> type:
     """The plugin's class for the current variant; a class inside a function because its base changes with that."""
     import drjit as dr
@@ -54,10 +60,8 @@ def plugin_class(mi: Any) -> type:
             """
             kd = self.kd.eval(si, active) if ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, 0) else mi.Spectrum(0)
             ks = self.ks.eval(si, active) if ctx.is_enabled(mi.BSDFFlags.GlossyReflection, 1) else mi.Spectrum(0)
-            both = dr.max(kd) + dr.max(ks)
-            share = dr.select(both > 0, dr.max(kd) / dr.select(both > 0, both, 1), 0)
             # Not eval_1: Mitsuba 3.9's checkerboard swaps its two colours there.
-            return kd, ks, self.alpha.eval(si, active)[0], share
+            return kd, ks, self.alpha.eval(si, active)[0], _largest_share(dr, kd, ks)
 
         def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
             _, _, alpha, share = self._parameters(ctx, si, active)
@@ -98,6 +102,17 @@ def plugin_class(mi: Any) -> type:
 
         def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             return self.eval_pdf(ctx, si, wo, active)[1]
+
+        # What whoever draws directions in Mitsuba's place must know of the surface: see harness.reference.coupled.
+        # `lobe` is alpha and the lobe's probability in one, since each call costs as much as an evaluation.
+        def has_attribute(self, name: str, active: Any = True) -> Any:
+            return name in ("kd", "ks", "lobe")
+
+        def eval_attribute_3(self, name: str, si: Any, active: Any = True) -> Any:
+            if name == "lobe":
+                kd, ks, alpha, share = self._parameters(mi.BSDFContext(), si, active)
+                return mi.Color3f(alpha, _largest_share(dr, ks, kd), share)
+            return (self.kd if name == "kd" else self.ks).eval(si, active)
 
         def traverse(self, callback: Any) -> None:
             for name in ("kd", "ks", "alpha"):

@@ -41,7 +41,7 @@ class ReferenceRenderer:
     move, calls are short, and each sees one moment: see `harness.reference.motion`.
     """
 
-    traits = Traits()
+    traits = Traits(repeats=False)  # to 5e-7: its threads add up in any order
 
     def __init__(self, scene: SceneFile, integrator: str = FILES_OWN, *, max_depth: int | None = None,
                  variant: str = REFERENCE_VARIANT) -> None:

@@ -6,6 +6,7 @@ import json
 import logging
 import os
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,8 @@ from harness.samples.keys import digest
 # Samples per pixel of the longest batch; within what one Mitsuba pass can sum in float32 without visible rounding.
 LONGEST_BATCH = 128
 # A run of `LEAD_FACTOR` times as many samples or more does not keep the batches within its first `LEAD_IN`: six of the
-# nine images of a run of 256, and an eighth of its work. Samples are numbered, so what is drawn again is the same.
+# nine images of a run of 256, and an eighth of its work. Samples are numbered, so what is drawn again is the same; of
+# renderers that do not repeat themselves bit for bit (see `Traits.repeats`) all are kept.
 LEAD_IN, LEAD_FACTOR = 32, 8
 # Bytes on disk beyond which the batches unused for longest are removed.
 DEFAULT_LIMIT = 8 * 2**30
@@ -54,7 +56,8 @@ def is_kept(start: int, count: int, samples: int) -> bool:
 
 
 class Store:
-    """Batches in `root`, one EXR file each: `<2 digits>/<key>/<replica>-<start>-<count>.exr`.
+    """Batches in `root`, one EXR file each: `<2 digits>/<key>/<replica>-<start>-<count>.exr`; those that another process
+    drew, and that go when they have been read, end in `.once.exr`.
 
     The key is a hash of a flat mapping of everything that a batch depends on besides replica and sample range; the
     mapping stands beside the batches as `key.json`. Files are replaced atomically, so any number of processes may
@@ -68,40 +71,42 @@ class Store:
 
     def get(self, key: Mapping[str, str], replica: int, start: int, count: int) -> Batch | None:
         """The stored batch, or None. A damaged file is reported in one line, removed, and taken for absent."""
-        path = self._path(key, replica, start, count)
-        try:
-            if not path.exists():
-                return None
-            batch = read_batch(path)
-        except StoreError as error:
-            if path.exists():  # else another process has just removed it
-                _log.warning("%s; removed, its samples are rendered again", str(error).partition(";")[0])
-                _remove(path)
-            return None
-        _touch(path)
-        return batch
+        return self._read(self._path(key, replica, start, count))
 
     def put(self, key: Mapping[str, str], replica: int, start: int, count: int, batch: Batch) -> None:
         """Store a batch. StoreError when it cannot be written; ValueError when it holds another number of samples."""
         if batch.samples != count:
             raise ValueError(f"expected a batch of {count} samples, found {batch.samples}")
-        path = self._path(key, replica, start, count)
+        self._write(self._path(key, replica, start, count), key, replica, start, batch)
+
+    def hold(self, key: Mapping[str, str], replica: int, start: int, count: int, render: Callable[[], Batch], *,
+             keep: bool = True) -> None:
+        """See that the batch is there for `get_or_render`: if not to `keep`, then until that has read it once."""
+        if keep:
+            self.get_or_render(key, replica, start, count, render)
+        elif not self._once(key, replica, start, count).exists() and self.get(key, replica, start, count) is None:
+            self._write(self._once(key, replica, start, count), key, replica, start, _compact(render()))
+
+    def _write(self, path: Path, key: Mapping[str, str], replica: int, start: int, batch: Batch) -> None:
         if not path.with_name("key.json").exists():
             with write_atomically(path.with_name("key.json")) as partial:
                 partial.write_text(json.dumps(dict(key), indent=2, sort_keys=True, ensure_ascii=False) + "\n", "utf-8")
-        write_batch(path, batch, {"replica": replica, "start": start, "spp": count}, compact=True)
+        write_batch(path, batch, {"replica": replica, "start": start, "spp": batch.samples}, compact=True)
         self._account(batch.mean.nbytes)
 
     def get_or_render(self, key: Mapping[str, str], replica: int, start: int, count: int,
                       render: Callable[[], Batch], *, keep: bool = True) -> Batch:
         """The stored batch, or the one that `render` returns, which is then stored if to `keep`.
 
-        Either way the pixels are the same float32 numbers, so a run from a warm store repeats a cold one exactly.
+        What is not to be kept may have been left by `hold`; it is read and removed. Either way the pixels are the same
+        float32 numbers, so a run from a warm store repeats a cold one exactly.
         """
         batch = self.get(key, replica, start, count)
+        if batch is None and not keep:
+            batch = self._read(once := self._once(key, replica, start, count))
+            _remove(once)
         if batch is None:
-            fresh = render()
-            batch = Batch(fresh.mean.astype(np.float32), fresh.samples, fresh.rejected, fresh.cost)
+            batch = _compact(render())
             if keep:
                 self.put(key, replica, start, count, batch)
         return batch
@@ -127,6 +132,22 @@ class Store:
         name = digest(dict(key))
         return self.root / name[:2] / name / f"{replica}-{start}-{count}.exr"
 
+    def _once(self, key: Mapping[str, str], replica: int, start: int, count: int) -> Path:
+        return self._path(key, replica, start, count).with_suffix(".once.exr")
+
+    def _read(self, path: Path) -> Batch | None:
+        try:
+            if not path.exists():
+                return None
+            batch = read_batch(path)
+        except StoreError as error:
+            if path.exists():  # else another process has just removed it
+                _log.warning("%s; removed, its samples are rendered again", str(error).partition(";")[0])
+                _remove(path)
+            return None
+        _touch(path)
+        return batch
+
     def _account(self, written: int) -> None:
         """Count bytes just written (noise hardly compresses), and prune when the store has outgrown its limit."""
         self._size = self.size() if self._size is None else self._size + written
@@ -146,6 +167,11 @@ class Store:
             except FileNotFoundError:
                 continue
             yield status.st_mtime, status.st_size, path
+
+
+def _compact(batch: Batch) -> Batch:
+    """As it is stored."""
+    return replace(batch, mean=batch.mean.astype(np.float32))
 
 
 def _touch(path: Path) -> None:

@@ -16,6 +16,7 @@ class Traits:
     (ours, Mitsuba's); 'runs' where each replica is one whole run with a seed of its own (a command, a folder of
     images); 'one' where there is a single stream, drawn from its beginning (a Shadertoy).
     `counts`: does it say how many samples it summed, so that samples which were not finite are known?
+    `repeats`: is a batch that is drawn again the same, bit for bit? What is not cannot be left out of the store.
     `replicas`: how many there are, None where there is no end. `spp`: samples per pixel of a replica where the
     renderer fixes it, else None. `fixed`: the whole answer where it is there from the beginning (a closed form, an
     image with its variance), so that nothing is ever drawn.
@@ -23,6 +24,7 @@ class Traits:
 
     streams: Literal["any", "runs", "one"] = "any"
     counts: bool = True
+    repeats: bool = True
     replicas: int | None = None
     spp: int | None = None
     fixed: Estimate | None = None

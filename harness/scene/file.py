@@ -12,6 +12,10 @@ from harness.errors import HarnessError
 from harness.files import data_dir
 from harness.scene.nodes import Node, parse
 
+# A path longer than this is refused: the tracer's loop is bounded (see gpu.pingpong).
+MAX_DEPTH_LIMIT = 1024
+# Mitsuba's integrators that have a `max_depth` (its documentation, "Integrators"), and ours.
+WITH_DEPTH = ("path", "bsdf_path", "volpath", "volpathmis", "ptracer", "prb", "prb_basic", "prbvolpath")
 # Mitsuba's `hdrfilm` where a file does not say (its documentation, "High dynamic range film").
 DEFAULT_FILM = (768, 576)
 
@@ -27,17 +31,22 @@ class Film:
 
 @dataclass(frozen=True)
 class SceneFile:
-    """A Mitsuba 3 scene file, the values of its `<default>` parameters, and the film's size if not its own.
+    """A Mitsuba 3 scene file, the values of its `<default>` parameters, and film size and path length if not its own.
 
     `parameters`: pairs of name and value, sorted by name, as Mitsuba's parser takes them (`$name` in the file).
-    `size`: (width, height). Mitsuba renders any of them; our tracer reads it into a `Scene`, and may refuse.
+    `size`: (width, height). `max_depth`: vertices of a path at most, counted as Mitsuba's `path` does (1: light seen
+    directly, N: N-1 scatterings); HarnessError outside 1 to 1024. Mitsuba renders any of them; our tracer reads it into
+    a `Scene`, and may refuse.
     """
 
     path: Path
     parameters: tuple[tuple[str, str], ...] = ()
     size: tuple[int, int] | None = None
+    max_depth: int | None = None
 
     def __post_init__(self) -> None:
+        if self.max_depth is not None and not 1 <= self.max_depth <= MAX_DEPTH_LIMIT:
+            raise HarnessError(f"max_depth is {self.max_depth}; allowed: 1 (light seen directly) to {MAX_DEPTH_LIMIT}")
         object.__setattr__(self, "path", Path(self.path))
         object.__setattr__(self, "parameters", tuple(sorted(self.parameters)))
 
@@ -53,23 +62,45 @@ class SceneFile:
 
     @property
     def name(self) -> str:
-        """The file's name without its suffix, with the parameters if there are any: `plates alpha=10`."""
-        return " ".join([self.path.stem, *(f"{name}={value}" for name, value in self.parameters)])
+        """The file's name without its suffix, with what was set: `plates alpha=10 max_depth=2`."""
+        depth = [("max_depth", str(self.max_depth))] if self.max_depth is not None else []
+        return " ".join([self.path.stem, *(f"{name}={value}" for name, value in (*self.parameters, *depth))])
 
     def sized(self, width: int, height: int) -> SceneFile:
         """The same with another film size."""
         return replace(self, size=(width, height))
 
+    def at_depth(self, max_depth: int) -> SceneFile:
+        """The same with paths of so many vertices at most."""
+        return replace(self, max_depth=max_depth)
+
     def parsed(self) -> Any:
-        """A fresh `mi.parser.ParserState`. SceneError where the file is missing or Mitsuba's parser refuses it."""
-        return parse(self.path, self.parameters)
+        """A fresh `mi.parser.ParserState`, with `max_depth` in its integrator if one is set. SceneError where the file
+        is missing, Mitsuba's parser refuses it, or its integrator knows no depth."""
+        state = parse(self.path, self.parameters)
+        if self.max_depth is not None:
+            node = _integrator(state)
+            if node.plugin not in WITH_DEPTH:
+                raise node.error(f"integrator '{node.plugin}' has no max_depth to set; those that have: "
+                                 f"{', '.join(WITH_DEPTH)}")
+            node.properties["max_depth"] = self.max_depth
+        return state
+
+    @property
+    def depth(self) -> int | None:
+        """Vertices of a path at most: `max_depth`, or what the file says; None where it sets no bound.
+
+        SceneError as `parsed`, and where the file has no integrator."""
+        found = _integrator(self.parsed()).properties.get("max_depth", -1)
+        return int(found) if isinstance(found, int) and found > 0 else None
 
     @property
     def hash(self) -> str:
         """16 hexadecimal digits over the bytes of all that is read for an image (the file, its includes, the files
-        that it names), the parameters and the size. SceneError as `parsed`."""
+        that it names), the parameters, the size and the depth. SceneError as `parsed`."""
         state = self.parsed()
-        whole = hashlib.sha256(json.dumps([self.parameters, self.size]).encode())
+        depth = [] if self.max_depth is None else [self.max_depth]
+        whole = hashlib.sha256(json.dumps([self.parameters, self.size, *depth]).encode())
         for path in [*(Path(str(file)) for file in state.files), *self._named(state)]:
             whole.update(hashlib.sha256(path.read_bytes()).digest())
         return whole.hexdigest()[:16]
@@ -100,3 +131,12 @@ class SceneFile:
             texts = [value for key in node.props.keys() if isinstance(value := node.props[key], str) and value]
             named |= {folder / text for folder in folders for text in texts if (folder / text).is_file()}
         return sorted(named)
+
+
+def _integrator(state: Any) -> Node:
+    """The scene's integrator. SceneError where there is none."""
+    root = Node(state, 0)
+    found = next((node for _, node in root.children() if node.kind == "integrator"), None)
+    if found is None:
+        raise root.error("the scene has no <integrator>; add one of type 'path' with 'max_depth'")
+    return found

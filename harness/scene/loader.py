@@ -8,42 +8,39 @@ from pathlib import Path
 
 from harness.errors import SceneError
 from harness.scene.environment import load_environment
-from harness.scene.file import SceneFile
+from harness.scene.file import MAX_DEPTH_LIMIT, SceneFile
 from harness.scene.materials import load_material
 from harness.scene.model import RGB, EnvironmentMap, Scene, Shape
-from harness.scene.nodes import Node, parse
+from harness.scene.nodes import Node
 from harness.scene.sensors import Sensor, load_sensor
 from harness.scene.shapes import load_shape
 from harness.scene.textures import load_varying
-
-# A path longer than this is refused: the tracer's loop is bounded (see tracer.renderer.MAX_ITERATIONS).
-MAX_DEPTH_LIMIT = 1024
 
 
 def load(file: SceneFile) -> Scene:
     """Our reading of a scene file. SceneError as `load_scene`."""
     width, height = file.size or (None, None)
-    return load_scene(file.path, width=width, height=height, parameters=dict(file.parameters))
+    return load_scene(file.path, width=width, height=height, parameters=dict(file.parameters), max_depth=file.max_depth)
 
 
 def load_scene(path: str | Path, *, width: int | None = None, height: int | None = None,
-               parameters: Mapping[str, str] | None = None) -> Scene:
+               parameters: Mapping[str, str] | None = None, max_depth: int | None = None) -> Scene:
     """Read a Mitsuba 3 XML scene into a `Scene`; `width` and `height` (pixels) override the film's, `parameters` the
-    file's `<default>` values.
+    file's `<default>` values, `max_depth` the integrator's.
 
     Raises SceneError (one line with file and line) for anything malformed or outside the supported subset.
     """
     path = Path(path)
     given = tuple(sorted((parameters or {}).items()))
-    state = parse(path, given)
+    file = SceneFile(path, given, max_depth=max_depth)
+    state = file.parsed()
     root = Node(state, 0)
     if root.kind != "scene":
         raise root.error(f"the root element must be <scene>, found a {root.kind}")
     shapes: list[Shape] = []
-    notes: list[str] = []
     environment: RGB | EnvironmentMap | None = None
     sensor: Sensor | None = None
-    integrator: tuple[int, tuple[str, ...]] | None = None
+    depth: int | None = None
     for _, node in root.children():
         match node.kind:
             case "shape":
@@ -55,11 +52,11 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
             case "sensor":
                 if sensor is not None:
                     raise node.error("a scene has one sensor; this is the second")
-                sensor = load_sensor(node, width, height, notes)
+                sensor = load_sensor(node, width, height)
             case "integrator":
-                if integrator is not None:
+                if depth is not None:
                     raise node.error("a scene has one integrator; this is the second")
-                integrator = _integrator(node)
+                depth = _integrator(node)
             case "bsdf":
                 load_material(node)  # used by reference; checked here, so that an unused one is not silently wrong
             case "texture":
@@ -69,11 +66,10 @@ def load_scene(path: str | Path, *, width: int | None = None, height: int | None
     root.done([])
     if sensor is None:
         raise root.error("the scene has no <sensor>; add one of type 'perspective'")
-    if integrator is None:
+    if depth is None:
         raise root.error("the scene has no <integrator>; add one of type 'path' with 'max_depth'")
     return Scene(tuple(shapes), environment or (0.0, 0.0, 0.0), sensor.camera, sensor.width, sensor.height,
-                 integrator[0], exposure=sensor.exposure, strategies=integrator[1],
-                 name=SceneFile(path, given).name, path=path.resolve(), parameters=given, notes=tuple(notes))
+                 depth, name=file.name, path=path.resolve(), parameters=given, depth_given=max_depth)
 
 
 def file_of(scene: Scene) -> SceneFile:
@@ -98,8 +94,8 @@ def describe(path: str | Path) -> str:
     return " ".join(found[1].split()) if found else ""
 
 
-def _integrator(node: Node) -> tuple[int, tuple[str, ...]]:
-    """`max_depth`, and the strategies that a report is to show."""
+def _integrator(node: Node) -> int:
+    """Its `max_depth`."""
     if node.plugin != "path":
         raise node.refuse(["path"])
     max_depth = node.integer("max_depth", -1)
@@ -109,6 +105,6 @@ def _integrator(node: Node) -> tuple[int, tuple[str, ...]]:
     if node.boolean("hide_emitters", False):
         raise node.error("'hide_emitters' must be false; supported: max_depth, rr_depth")
     node.ignore("rr_depth")  # Russian roulette is off in both renderers; it changes the noise, not the mean
-    strategies = tuple(name.strip() for name in node.string("strategies", "").split(",") if name.strip())
+    node.ignore("strategies")  # a matter of presentation
     node.done(["max_depth", "rr_depth", "strategies"])
-    return max_depth, strategies
+    return max_depth

@@ -189,8 +189,8 @@ class Scene:
     """Everything an image depends on, and nothing else, but for the fields after `max_depth`, which do not count.
 
     `max_depth` counts as Mitsuba's `path` integrator does: emission seen directly is depth 1, so N allows
-    N-1 scatterings. `exposure` (in stops) is the fixed exposure at which display metrics see this scene. `strategies`
-    are those with which a report studies it, all that suit where none are named.
+    N-1 scatterings; `depth_given` where it is not the file's own. How the scene is shown is another matter: see
+    `harness.scene.presentation`.
     """
 
     shapes: tuple[Shape, ...]
@@ -199,12 +199,10 @@ class Scene:
     width: int
     height: int
     max_depth: int
-    exposure: float = 0.0
-    strategies: tuple[str, ...] = ()
     name: str = ""
     path: Path | None = None
     parameters: tuple[tuple[str, str], ...] = ()
-    notes: tuple[str, ...] = ()
+    depth_given: int | None = None
 
     @property
     def file(self) -> SceneFile:
@@ -212,13 +210,13 @@ class Scene:
         if self.path is None:
             raise HarnessError(f"scene '{self.name}' has no file, so Mitsuba cannot render it; write it to an .xml "
                                "file and load it with harness.load_scene")
-        return SceneFile(self.path, self.parameters, (self.width, self.height))
+        return SceneFile(self.path, self.parameters, (self.width, self.height), self.depth_given)
 
     @property
     def content_hash(self) -> str:
-        """16 hexadecimal digits that change exactly when the image may change (names and notes do not count)."""
+        """16 hexadecimal digits that change exactly when the image may change (names do not count)."""
         content = dataclasses.asdict(self)
-        for field in ("exposure", "strategies", "parameters", "notes"):
+        for field in ("parameters", "depth_given"):  # what they change is in the rest
             del content[field]
         return digest(_without_names(content), 16)
 

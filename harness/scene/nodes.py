@@ -68,6 +68,8 @@ def _parser_error(path: Path, message: str) -> SceneError:
             file, line, text = parts["file"], parts.get("line", "1"), parts["text"]
     if _UNPARSED_NUMBER.search(text):  # what the parser says of a second value for the same property
         text += ", or the property is given twice"
+    if "lookat" in text:
+        text += ": 'origin' and 'target' must differ, and 'up' must not point along the line between them"
     return SceneError(f"{file}:{line}: {text} (the file must be a Mitsuba 3 XML scene)")
 
 

@@ -32,19 +32,22 @@ PARAMETERS = {"perspective": ("principal_point_offset_x", "principal_point_offse
 
 @dataclass(frozen=True)
 class Sensor:
-    """A camera, the size of its film in pixels, and the exposure (stops) at which its images are shown."""
+    """A camera, the size of its film in pixels, the exposure (stops) at which its images are shown, and a sentence for
+    each thing that both renderers replace."""
 
     camera: Camera
     width: int
     height: int
     exposure: float
+    notes: tuple[str, ...]
 
 
-def load_sensor(node: Node, width: int | None, height: int | None, notes: list[str]) -> Sensor:
-    """A `perspective` or `thinlens` sensor; `width` and `height` override the film's, `notes` gathers what differs."""
+def load_sensor(node: Node, width: int | None, height: int | None) -> Sensor:
+    """A `perspective` or `thinlens` sensor; `width` and `height` override the film's."""
     if node.plugin not in PARAMETERS:
         raise node.refuse(PARAMETERS)
     film_size, exposure = DEFAULT_FILM, 0.0
+    notes: list[str] = []
     seen: set[str] = set()
     for _, child in node.children():
         if child.kind in seen:
@@ -83,7 +86,7 @@ def load_sensor(node: Node, width: int | None, height: int | None, notes: list[s
     shutter = _shutter(node)
     node.done((*COMMON, *PARAMETERS[node.plugin]))
     camera = Camera(as_matrix(matrix), tan_x, tan_x / aspect, near, far, offset, aperture, focus, shutter)
-    return Sensor(camera, *film_size, exposure)
+    return Sensor(camera, *film_size, exposure, tuple(notes))
 
 
 def _lens(node: Node, far_clip: float, notes: list[str]) -> tuple[float, float]:

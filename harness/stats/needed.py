@@ -13,31 +13,33 @@ HOPELESS = 2.0**40
 MANY = 1e6
 
 
-def factor_to_decide(ratios: np.ndarray, sure: float) -> float:
+def factor_to_decide(ratios: np.ndarray, sure: float, unseen: np.ndarray | float = 0.0) -> float:
     """How many times the samples let every interval lie inside its tolerance with probability 0.95, without a bias.
 
-    `ratios`: standard errors in tolerances, any shape; `sure`: half an interval's width in standard errors. Stein's
-    (1945) two-stage sample size, for many intervals at once by the union bound. Infinite where a ratio is not finite,
-    or for more than 2^40 times.
+    `ratios`: standard errors in tolerances, any shape; `sure`: half an interval's width in standard errors; `unseen`:
+    what intervals allow on either side for samples that have not come yet (`contrasts.Contrast.unseen`), in tolerances,
+    of the same shape. Stein's (1945) two-stage sample size, for many intervals at once by the union bound. Infinite
+    where a ratio is not finite, or for more than 2^40 times.
     """
-    if undecided(ratios, HOPELESS, sure) > 1 - DECIDED:
+    if undecided(ratios, HOPELESS, sure, unseen) > 1 - DECIDED:
         return float("inf")
     low, high = 1 / HOPELESS, HOPELESS
     while high / low > 1.01:
         middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if undecided(ratios, middle, sure) > 1 - DECIDED else (low, middle)
+        low, high = (middle, high) if undecided(ratios, middle, sure, unseen) > 1 - DECIDED else (low, middle)
     return high
 
 
-def undecided(ratios: np.ndarray, factor: float, sure: float) -> float:
+def undecided(ratios: np.ndarray, factor: float, sure: float, unseen: np.ndarray | float = 0.0) -> float:
     """The most (union bound) that the probability can be that some interval reaches beyond its tolerance.
 
-    With `factor` times the samples; `ratios` and `sure` as in `factor_to_decide`. Infinite where a ratio is not finite.
+    With `factor` times the samples; the others as in `factor_to_decide`: standard errors fall with the root of the
+    samples, what is unseen with their number. Infinite where a ratio is not finite.
     """
     if not np.isfinite(ratios).all():
         return float("inf")
     with np.errstate(divide="ignore"):
-        room = np.sqrt(factor) / ratios - sure
+        room = (1 - unseen / factor) * np.sqrt(factor) / ratios - sure
     return float(2 * special.ndtr(-room).sum())
 
 

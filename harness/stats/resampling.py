@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from harness.stats.contrasts import PairedContrast, PairedMoments
 from harness.stats.tiles import COARSER, PATCH, ImageMoments, TileMoments, TileSamples
 
 # A square patch of an image: first row, first column, side, in pixels.
@@ -38,6 +39,20 @@ def centred(bank: TileSamples, truth: np.ndarray) -> TileSamples:
     return dataclasses.replace(bank, means=truth + away)
 
 
+def mirrored(test: TileSamples, reference: TileSamples) -> tuple[TileSamples, TileSamples]:
+    """A coupled bank in which each pair comes twice, with its difference and with the opposite: all differences then
+    have mean zero, and keep their size and their tails.
+
+    `centred` would take a bank's rare parting from all other replicas of its tile, so that most runs, which do not draw
+    it, were sure of a bias of its size: a null that right renderers do not have, whose partings go to both sides.
+    """
+    differences = test.means - reference.means
+    twice = np.tile(np.arange(len(test.samples)), 2)
+    ours, theirs = test.chosen(twice), reference.chosen(twice)
+    means = np.concatenate([test.means, reference.means - differences])
+    return dataclasses.replace(ours, means=means), theirs
+
+
 def noisy(bank: TileSamples) -> np.ndarray:
     """Which tiles and channels differ between replicas, (rows, columns, C): the others show light directly."""
     return np.asarray((bank.means != bank.means[:1]).any(axis=0))
@@ -56,6 +71,49 @@ def resampled(bank: TileSamples, chosen: np.ndarray) -> Iterator[ImageMoments]:
     np.add.at(counts, (np.arange(len(chosen))[:, None], chosen), 1)
     sides = (_moments(side, counts) for side in (bank.whole(), bank.coarser(COARSER), bank))
     yield from (ImageMoments(*moments) for moments in zip(*sides, strict=True))
+
+
+def resampled_pairs(test: TileSamples, reference: TileSamples, chosen: np.ndarray,
+                    largest: tuple[np.ndarray, ...]) -> Iterator[tuple[PairedContrast, ...]]:
+    """The contrasts of each run of coupled estimates, which consists of pairs of replicas `chosen` (runs, replicas).
+
+    The same as `paired.paired` of just these, but that a single sample is no larger than `largest`, of the whole bank
+    (`paired.largest_by_size`), in every run.
+    """
+    if not chosen.size:
+        return
+    counts = np.zeros((len(chosen), len(test.samples)))
+    np.add.at(counts, (np.arange(len(chosen))[:, None], chosen), 1)
+    banks = ((test.whole(), reference.whole()), (test.coarser(COARSER), reference.coarser(COARSER)), (test, reference))
+    sides = (_paired_moments(*pair, counts) for pair in banks)
+    for moments in zip(*sides, strict=True):
+        yield tuple(PairedContrast.of(each, bound) for each, bound in zip(moments, largest, strict=True))
+
+
+def _paired_moments(test: TileSamples, reference: TileSamples, counts: np.ndarray) -> Iterator[PairedMoments]:
+    """`PairedMoments.of` for each row of `counts`, as `_moments` has those of one side."""
+    number, shape, pixels = counts[0].sum(), test.means.shape[1:], test.pixels
+    samples = float(number * test.samples[0])
+    means = reference.means, test.means - reference.means
+    centres = [values.mean(axis=0) for values in means]
+    m, d = ((values - centre).reshape(len(counts[0]), -1) for values, centre in zip(means, centres, strict=True))
+    m1, d1 = counts @ m / number, counts @ d / number
+    raw = {name: counts @ powers / number for name, powers in {
+        "dd": d * d, "dm": d * m, "mm": m * m, "ddd": d**3, "ddm": d * d * m, "dmm": d * m * m, "mmm": m**3}.items()}
+    seconds = np.stack([raw["dd"] - d1 * d1, raw["dm"] - d1 * m1, raw["mm"] - m1 * m1], axis=1) / (number - 1)
+    thirds = np.stack([
+        raw["ddd"] - 3 * d1 * raw["dd"] + 2 * d1**3,
+        raw["ddm"] - m1 * raw["dd"] - 2 * d1 * raw["dm"] + 2 * d1 * d1 * m1,
+        raw["dmm"] - d1 * raw["mm"] - 2 * m1 * raw["dm"] + 2 * d1 * m1 * m1,
+        raw["mmm"] - 3 * m1 * raw["mm"] + 2 * m1**3], axis=1) / (number * (number - 3 + 2 / number))
+    seconds[:, [0, 2]] = np.maximum(seconds[:, [0, 2]], 0.0)
+    for run, (second, third) in enumerate(zip(seconds, thirds, strict=True)):
+        dd, dm, mm = (values.reshape(shape) for values in second)
+        ddd, ddm, dmm, mmm = (values.reshape(shape) for values in third)
+        theirs = TileMoments(centres[0] + m1[run].reshape(shape), mm, mmm, number - 1, pixels)
+        ours = TileMoments(theirs.mean + centres[1] + d1[run].reshape(shape), dd + 2 * dm + mm,
+                           ddd + 3 * ddm + 3 * dmm + mmm, number - 1, pixels)
+        yield PairedMoments(ours, theirs, np.stack([dd, dm, mm]), np.stack([ddd, ddm, dmm, mmm]), samples)
 
 
 def _moments(bank: TileSamples, counts: np.ndarray) -> Iterator[TileMoments]:

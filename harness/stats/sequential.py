@@ -11,7 +11,7 @@ from harness.stats.verdicts import BiasVerdict, Tolerance, bias_outcome, bias_ve
 
 
 @dataclass(frozen=True)
-class Sequence:
+class Looking:
     """A gate's plan: when it looks, what it tolerates, and how often it may err over all its looks together.
 
     `fail_level`: the probability with which a good render fails at any look. `pass_level`: twice that with which a

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -99,4 +100,4 @@ def with_gain(samples: TileSamples, gain: float, patch: tuple[int, int, int] | N
         covered = np.multiply.outer(rows, columns)
     noisy = (samples.means != samples.means[:1]).any(axis=0)
     means = samples.means * (1 + gain * covered[..., None] * noisy)
-    return TileSamples(means, samples.samples, samples.tile, samples.height, samples.width)
+    return dataclasses.replace(samples, means=means)

@@ -37,6 +37,9 @@ class TileSamples:
     an exact image. `height`, `width`: of the image, in pixels. Batches must be independent and should be about equal in
     size, 32 of them or more; from as few as 8 skewness is guesswork, and tiles take more than 1.4 times the
     tolerance to pass that they take from 16.
+
+    `brightest`: (B, rows, columns, C), what no single sample of the batch exceeds in the tile, in radiance: the largest
+    sum of samples in any of its pixels, for radiance is not negative. None where nobody kept it.
     """
 
     means: np.ndarray
@@ -44,6 +47,7 @@ class TileSamples:
     tile: int
     height: int
     width: int
+    brightest: np.ndarray | None = None
 
     @classmethod
     def exact(cls, image: np.ndarray, tile: int) -> TileSamples:
@@ -72,7 +76,12 @@ class TileSamples:
 
     def first(self, batches: int) -> TileSamples:
         """The first so many batches alone."""
-        return TileSamples(self.means[:batches], self.samples[:batches], self.tile, self.height, self.width)
+        return self.chosen(np.s_[:batches])
+
+    def chosen(self, batches: slice | np.ndarray) -> TileSamples:
+        """These batches alone, in this order; one may come twice."""
+        return TileSamples(self.means[batches], self.samples[batches], self.tile, self.height, self.width,
+                           None if self.brightest is None else self.brightest[batches])
 
     def moments(self) -> TileMoments:
         """Mean and the mean's central moments by batch means, weighted by samples.
@@ -98,9 +107,10 @@ class TileSamples:
 
     def _regrouped(self, factor: int, tile: int) -> TileSamples:
         pixels = self.pixels
-        sums = _grouped(self.means * pixels, factor)
-        means = sums / _grouped(pixels[None], factor)
-        return TileSamples(means, self.samples, tile, self.height, self.width)
+        sums = grouped(self.means * pixels, factor)
+        means = sums / grouped(pixels[None], factor)
+        brightest = None if self.brightest is None else grouped(self.brightest, factor, np.maximum)
+        return TileSamples(means, self.samples, tile, self.height, self.width, brightest)
 
 
 class ImageMoments(NamedTuple):
@@ -127,6 +137,7 @@ class TileAccumulator:
         self._shape = (0, 0)
         self._means: list[np.ndarray] = []
         self._samples: list[float] = []
+        self._brightest: list[np.ndarray] = []
 
     def add(self, mean: np.ndarray, samples: int) -> None:
         """One batch: its mean image (H, W, C) and its samples per pixel; ValueError for none, or for another size."""
@@ -137,16 +148,19 @@ class TileAccumulator:
         self._shape = (mean.shape[0], mean.shape[1])
         self._means.append(tile_means(mean, self.tile))
         self._samples.append(float(samples))
+        self._brightest.append(samples * grouped(np.abs(mean, dtype=np.float64)[None], self.tile, np.maximum)[0])
         if len(self._samples) > MAX_BATCHES:
             self._means = [np.average(self._means[k:k + 2], axis=0, weights=self._samples[k:k + 2])
                            for k in range(0, len(self._samples), 2)]
             self._samples = [sum(self._samples[k:k + 2]) for k in range(0, len(self._samples), 2)]
+            self._brightest = [np.max(self._brightest[k:k + 2], axis=0) for k in range(0, len(self._brightest), 2)]
 
     def samples(self) -> TileSamples:
         """All that was added; ValueError when nothing was."""
         if not self._means:
             raise ValueError("no batch to estimate from")
-        return TileSamples(np.stack(self._means), np.array(self._samples), self.tile, *self._shape)
+        return TileSamples(np.stack(self._means), np.array(self._samples), self.tile, *self._shape,
+                           np.stack(self._brightest))
 
 
 def tile_size(height: int, width: int) -> int:
@@ -171,7 +185,7 @@ def tile_means(image: np.ndarray, tile: int) -> np.ndarray:
     return tile_sums(image, tile) / tile_sums(np.ones((*image.shape[:2], 1)), tile)
 
 
-def _grouped(values: np.ndarray, factor: int) -> np.ndarray:
-    """Sums over blocks of `factor` x `factor` in axes 1 and 2."""
+def grouped(values: np.ndarray, factor: int, together: np.ufunc = np.add) -> np.ndarray:
+    """Sums, or what else is taken `together`, over blocks of `factor` x `factor` in axes 1 and 2."""
     rows, columns = (np.arange(0, size, factor) for size in values.shape[1:3])
-    return np.add.reduceat(np.add.reduceat(values, rows, axis=1), columns, axis=2)
+    return np.asarray(together.reduceat(together.reduceat(values, rows, axis=1), columns, axis=2))

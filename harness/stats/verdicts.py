@@ -2,36 +2,29 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.stats.bias import POWER, Outcome, check_tolerance, error_scale, percent, signed_percent
+from harness.stats.bias import POWER, Outcome, check_tolerance, percent, signed_percent
 from harness.stats.channels import CHANNELS, Channel
+from harness.stats.contrasts import Contrast, IndependentContrast, independent
 from harness.stats.deviates import (
     all_exceed,
     critical_deviate,
     half_width,
     largest_deviate,
     one_sided,
-    satterthwaite,
     skew_deviate,
     skew_interval,
     skew_student,
 )
 from harness.stats.levels import check_level, family_level
-from harness.stats.tiles import COARSER, ImageMoments, TileMoments, TileSamples
+from harness.stats.tiles import COARSER, ImageMoments, TileSamples
 
-# A tile darker than this part of the image's mean is measured against that part, not against its own near-zero mean.
-DARK_TILE = 0.01
-# Bright samples that a neighbourhood should expect: then e^-16 of them have seen none.
-BRIGHT_SAMPLES = 16
-# Neighbours lend each other the variance of a tile up to so many times as bright.
-BRIGHTER = 2.0
 # How many tests a `BiasVerdict` consists of: the image, larger tiles, smaller tiles.
 TESTS = 3
 # The first of these that one of several tests has is the outcome of all.
@@ -49,6 +42,11 @@ class Tolerance:
     mean: float = 0.002
     coarse: float = 0.0125
     fine: float = 0.05
+
+    @property
+    def sizes(self) -> tuple[float, float, float]:
+        """Of the image, a larger and a smaller tile."""
+        return self.mean, self.coarse, self.fine
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +109,20 @@ def bias_verdict(test: TileSamples, reference: TileSamples, tolerance: Tolerance
     full level (intersection-union test, Berger 1982). HarnessError for levels outside (0, 1), negative tolerances, and
     estimates with other tiles or sizes.
     """
-    tolerance = tolerance or Tolerance()
+    _check_alike(test, reference)
+    contrasts = independent(ImageMoments.of(test), ImageMoments.of(reference))
+    return judged(contrasts, test.tile, tolerance or Tolerance(), fail_level=fail_level, pass_level=pass_level)
+
+
+def judged(contrasts: Iterable[Contrast], tile: int, tolerance: Tolerance, *, fail_level: float,
+           pass_level: float) -> BiasVerdict:
+    """The verdict on contrasts of the image, of the larger and of the smaller tiles, of `tile` pixels a side, as
+    `bias_verdict` has it."""
     check_level(fail_level)
     each = family_level(fail_level, TESTS)
     whole, coarse, fine = (
-        tile_verdict(ours, theirs, allowed, fail_level=each, pass_level=pass_level) for ours, theirs, allowed in (
-            (test.whole(), reference.whole(), tolerance.mean),
-            (test.coarser(COARSER), reference.coarser(COARSER), tolerance.coarse),
-            (test, reference, tolerance.fine)))
+        contrast_verdict(contrast, side, allowed, fail_level=each, pass_level=pass_level)
+        for contrast, side, allowed in zip(contrasts, (tile, COARSER * tile, tile), tolerance.sizes, strict=True))
     gravest = min((whole, coarse, fine), key=lambda verdict: GRAVITY.index(verdict.outcome))
     return BiasVerdict(gravest.outcome, gravest.reason, whole, coarse, fine)
 
@@ -139,25 +143,37 @@ def tile_verdict(test: TileSamples, reference: TileSamples, tolerance: float, *,
     The deviates are those of `deviates.skew_deviate`, their variances borrow from the neighbours (`_borrowed`), so
     that the level holds also where one side draws rare bright samples and the other does not.
     """
+    _check_alike(test, reference)
+    return contrast_verdict(IndependentContrast.of(test.moments(), reference.moments()), test.tile, tolerance,
+                            fail_level=fail_level, pass_level=pass_level)
+
+
+def contrast_verdict(contrast: Contrast, tile: int, tolerance: float, *, fail_level: float,
+                     pass_level: float) -> TileVerdict:
+    """The verdict of `tile_verdict` on a contrast of tiles of `tile` pixels a side.
+
+    Where a single sample may count for much that has not come yet, `pass` and the intervals allow for it
+    (`Contrast.unseen`), and `fail` does not: what nobody has seen accuses nobody.
+    """
     check_tolerance(tolerance)
     check_level(fail_level)
     check_level(pass_level)
-    _check_alike(test, reference)
-    pair = _Pair.of(test.moments(), reference.moments())
-    outcome, p = _decided(pair, tolerance, fail_level, pass_level)
-    difference, variance, _, dof = pair.excess(0.0)
-    error, sigma = difference / pair.scale, np.sqrt(variance) / pair.scale
+    outcome, p = _decided(contrast, tolerance, fail_level, pass_level)
+    difference, variance, _, dof = contrast.excess(0.0)
+    error, sigma = difference / contrast.scale, np.sqrt(variance) / contrast.scale
     cell = family_level(fail_level, error.size)
     detectable = half_width(sigma, dof, cell) + half_width(sigma, dof, 2 * (1 - POWER))
-    low, high = _interval(pair, error, pass_level)
-    z = skew_deviate(*pair.excess(0.0))
-    above, below = (skew_deviate(*pair.excess(bound)) for bound in (tolerance, -tolerance))
+    unseen = contrast.unseen(pass_level)
+    low, high = _interval(contrast, error, pass_level)
+    z = skew_deviate(*contrast.excess(0.0))
+    above, below = (skew_deviate(*contrast.excess(bound)) for bound in (tolerance, -tolerance))
+    within, over = (skew_deviate(*contrast.excess(bound)) for bound in (tolerance - unseen, unseen - tolerance))
     sure = critical_deviate(pass_level / 2)
-    maps = _Maps(error, low, high, np.nan_to_num(np.maximum(above, -below), nan=-np.inf),
-                 (-above >= sure) & (below >= sure))
-    reason = _reason(outcome, test.tile, pair, maps, p, tolerance)
+    maps = _Maps(error, low - unseen, high + unseen, np.nan_to_num(np.maximum(above, -below), nan=-np.inf),
+                 (-within >= sure) & (over >= sure), unseen)
+    reason = _reason(outcome, tile, contrast, maps, p, tolerance)
     row, column = np.unravel_index(int(np.argmax(np.abs(np.nan_to_num(z)))), z.shape)[:2]
-    return TileVerdict(outcome, reason, tolerance, fail_level, pass_level, test.tile, error, low, high, z, p,
+    return TileVerdict(outcome, reason, tolerance, fail_level, pass_level, tile, error, maps.low, maps.high, z, p,
                        critical_deviate(cell / 2), (int(row), int(column)),
                        np.where(np.isnan(detectable), np.inf, detectable))
 
@@ -165,7 +181,13 @@ def tile_verdict(test: TileSamples, reference: TileSamples, tolerance: float, *,
 def bias_p_values(test: ImageMoments, reference: ImageMoments,
                   tolerance: Tolerance) -> tuple[float, float, float]:
     """The p of the three tests of `bias_verdict`, in its order, without the rest of it."""
-    whole, coarse, fine = (_decided(pair, allowed, 0.5, 0.5)[1] for pair, allowed in _pairs(test, reference, tolerance))
+    return contrast_p_values(independent(test, reference), tolerance)
+
+
+def contrast_p_values(contrasts: Iterable[Contrast], tolerance: Tolerance) -> tuple[float, float, float]:
+    """The p of the three tests of `judged`, in its order, without the rest of it."""
+    whole, coarse, fine = (_p_value(contrast, allowed)
+                           for contrast, allowed in zip(contrasts, tolerance.sizes, strict=True))
     return whole, coarse, fine
 
 
@@ -173,43 +195,16 @@ def bias_outcome(test: ImageMoments, reference: ImageMoments, tolerance: Toleran
                  pass_level: float) -> Outcome:
     """The outcome of `bias_verdict`, decided by the same code, without intervals, maps and words: in a tenth of the
     time, for those who simulate many."""
+    return contrast_outcome(independent(test, reference), tolerance, fail_level=fail_level, pass_level=pass_level)
+
+
+def contrast_outcome(contrasts: Iterable[Contrast], tolerance: Tolerance, *, fail_level: float,
+                     pass_level: float) -> Outcome:
+    """The outcome of `judged`, alone."""
     each = family_level(fail_level, TESTS)
-    outcomes = [_decided(pair, allowed, each, pass_level)[0] for pair, allowed in _pairs(test, reference, tolerance)]
+    outcomes = [_decided(contrast, allowed, each, pass_level)[0]
+                for contrast, allowed in zip(contrasts, tolerance.sizes, strict=True)]
     return min(outcomes, key=GRAVITY.index)
-
-
-def _pairs(test: ImageMoments, reference: ImageMoments, tolerance: Tolerance) -> Iterator[tuple[_Pair, float]]:
-    """Test and reference in tiles of each size, with what is tolerated there."""
-    allowed = tolerance.mean, tolerance.coarse, tolerance.fine
-    for ours, theirs, bound in zip(test, reference, allowed, strict=True):
-        yield _Pair.of(ours, theirs), bound
-
-
-class _Pair(NamedTuple):
-    """Test and reference, their variances borrowed, and the scale of errors; see `TileVerdict.error`."""
-
-    test: TileMoments
-    reference: TileMoments
-    test_variance: np.ndarray
-    reference_variance: np.ndarray
-    scale: np.ndarray
-
-    @classmethod
-    def of(cls, test: TileMoments, reference: TileMoments) -> _Pair:
-        pixels = reference.pixels
-        whole = error_scale((reference.mean * pixels).sum((0, 1)) / pixels.sum())
-        single = reference.mean.shape[:2] == (1, 1)
-        scale = whole[None, None] if single else np.maximum(np.abs(reference.mean), DARK_TILE * whole)
-        return cls(test, reference, _borrowed(test, scale), _borrowed(reference, scale), scale)
-
-    def excess(self, error: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Value, second and third moment and degrees of freedom of T - (1 + error) R: zero if that is the error."""
-        factor = np.where(self.scale == np.abs(self.reference.mean), 1 + error, 1.0)
-        theirs = factor**2 * self.reference_variance
-        variance = self.test_variance + theirs
-        dof = satterthwaite(variance, self.test_variance**2 / self.test.dof + theirs**2 / self.reference.dof)
-        return (self.test.mean - self.reference.mean - error * self.scale, variance,
-                self.test.third - factor**3 * self.reference.third, dof)
 
 
 class _Maps(NamedTuple):
@@ -220,50 +215,13 @@ class _Maps(NamedTuple):
     high: np.ndarray
     beyond: np.ndarray  # deviate of the excess over the tolerance
     equivalent: np.ndarray
+    unseen: np.ndarray  # of the interval, on either side
 
 
-def _borrowed(moments: TileMoments, scale: np.ndarray) -> np.ndarray:
-    """Variances no smaller than the mean of those around; (rows, columns, C).
-
-    A tile in which the rare bright sample has not come yet has a mean that is too low and a variance that knows
-    nothing of it. Its neighbours see the same light and know. Asked for 5 % at the most, the smaller tiles of
-    `spheres` at 128 samples per pixel, uniform sampling against the mixture, alarm on 60 of 100 null comparisons
-    without this and on none with it. (No method helps where bright samples fall on one tile alone that has seen none.)
-    Two neighbourhoods count, 3 x 3 tiles and one that holds `BRIGHT_SAMPLES`: were all variance from bright samples, a
-    tile's mean with skewness g would come from 1/g² of them. Averaged is the variance of one pixel; at the most it is
-    what a tile `BRIGHTER` times as bright would have of the neighbours' relative variance, lest a lamp blind the tiles
-    beside it.
-    """
-    if moments.variance.shape[:2] == (1, 1):
-        return moments.variance
-    single = moments.variance * moments.pixels
-    third = np.abs((moments.third * moments.pixels**2 / scale**3).mean((0, 1)))
-    mean = (single / scale**2).mean((0, 1))
-    known = np.isfinite(mean) & (mean > 0)
-    skewness = np.divide(third, mean**1.5, out=np.zeros_like(mean), where=known) / np.sqrt(moments.pixels.max())
-    radius = max(1, math.ceil((math.sqrt(BRIGHT_SAMPLES) * float(skewness.max()) - 1) / 2))
-    relative = single / scale**2
-    floors = [np.minimum(_around(single, each), (BRIGHTER * scale)**2 * _around(relative, each))
-              for each in {1, radius}]
-    # Differences of sums may fall below zero by rounding; no variance does.
-    return np.maximum.reduce([moments.variance, *(floor / moments.pixels for floor in floors)])
-
-
-def _around(values: np.ndarray, radius: int) -> np.ndarray:
-    """Means over windows of 2 `radius` + 1 tiles a side, which are shifted inwards at the edges; (rows, columns, C)."""
-    for axis in (0, 1):
-        length = values.shape[axis]
-        side = min(2 * radius + 1, length)
-        first = np.clip(np.arange(length) - radius, 0, length - side)
-        sums = np.concatenate([np.zeros_like(values.take([0], axis)), values.cumsum(axis)], axis)
-        values = (sums.take(first + side, axis) - sums.take(first, axis)) / side
-    return values
-
-
-def _interval(pair: _Pair, error: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:
+def _interval(contrast: Contrast, error: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:
     """The interval of each error, to first order in the reference's noise (delta method)."""
-    _, variance, third, dof = pair.excess(error)
-    return skew_interval(error, variance / pair.scale**2, third / pair.scale**3, dof, alpha)
+    _, variance, third, dof = contrast.excess(error)
+    return skew_interval(error, variance / contrast.scale**2, third / contrast.scale**3, dof, alpha)
 
 
 def _family_p(deviate: float, cells: int) -> float:
@@ -271,35 +229,46 @@ def _family_p(deviate: float, cells: int) -> float:
     return float(-np.expm1(cells * np.log1p(-min(2 * one_sided(deviate), 1 - 1e-16))))
 
 
-def _decided(pair: _Pair, tolerance: float, fail_level: float, pass_level: float) -> tuple[Outcome, float]:
-    """The outcome of `tile_verdict`, and its p."""
-    (above, dof), (below, dof_below) = (_student(pair, bound) for bound in (tolerance, -tolerance))
-    dofs = np.stack([dof, dof_below])
-    p = _family_p(largest_deviate(np.stack([above, -below]), dofs), above.size)
-    if not np.isfinite(pair.test.mean).all():
+def _decided(contrast: Contrast, tolerance: float, fail_level: float, pass_level: float) -> tuple[Outcome, float]:
+    """The outcome of `contrast_verdict`, and its p."""
+    students, dofs = _beyond(contrast, tolerance)
+    p = _largest_p(students, dofs)
+    if not np.isfinite(contrast.test.mean).all():
         return "fail", p
-    if not all(np.isfinite(values).all() for values in (pair.reference.mean, pair.test.variance,
-                                                        pair.reference.variance)):
+    if not all(np.isfinite(values).all() for values in (contrast.reference.mean, contrast.test.variance,
+                                                        contrast.reference.variance)):
         return "inconclusive", p
     if p < fail_level:
         return "fail", p
-    equivalent = all_exceed(np.stack([-above, below]), dofs, critical_deviate(pass_level / 2))
+    if contrast.single.any():
+        students, dofs = _beyond(contrast, tolerance - contrast.unseen(pass_level))
+    equivalent = all_exceed(-students, dofs, critical_deviate(pass_level / 2))
     return ("pass" if equivalent else "inconclusive"), p
 
 
-def _student(pair: _Pair, error: float) -> tuple[np.ndarray, np.ndarray]:
-    """The excess over an error, studentized, and its degrees of freedom."""
-    difference, variance, third, dof = pair.excess(error)
-    return skew_student(difference, variance, third), dof
+def _p_value(contrast: Contrast, tolerance: float) -> float:
+    """The p of `contrast_verdict`."""
+    return _largest_p(*_beyond(contrast, tolerance))
 
 
-def _reason(outcome: Outcome, tile: int, pair: _Pair, maps: _Maps, p: float, tolerance: float) -> str:
-    for name, side in (("test image", pair.test), ("reference", pair.reference)):
+def _largest_p(students: np.ndarray, dofs: np.ndarray) -> float:
+    """Two-sided, of the value of all that lies farthest beyond its bound; of what `_beyond` returns."""
+    return _family_p(largest_deviate(students, dofs), students[0].size)
+
+
+def _beyond(contrast: Contrast, bound: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far errors lie above +bound and below -bound, studentized, and degrees of freedom; (2, rows, columns, C)."""
+    above, below = contrast.excess(bound), contrast.excess(-bound)
+    return (np.stack([skew_student(*above[:3]), -skew_student(*below[:3])]), np.stack([above.dof, below.dof]))
+
+
+def _reason(outcome: Outcome, tile: int, contrast: Contrast, maps: _Maps, p: float, tolerance: float) -> str:
+    for name, side in (("test image", contrast.test), ("reference", contrast.reference)):
         broken = np.argwhere(~np.isfinite(side.mean))
         if broken.size:
             message = f"the {name} holds pixels that are not finite, in {_place(broken[0], tile, maps)}"
-            return message if side is pair.test else f"{message}; render it again"
-    for name, side in (("test image", pair.test), ("reference", pair.reference)):
+            return message if side is contrast.test else f"{message}; render it again"
+    for name, side in (("test image", contrast.test), ("reference", contrast.reference)):
         if not np.isfinite(side.variance).all():
             return f"the variance of the {name} is unknown: it takes two batches or more"
 
@@ -312,7 +281,10 @@ def _reason(outcome: Outcome, tile: int, pair: _Pair, maps: _Maps, p: float, tol
         clearest = np.unravel_index(int(np.argmax(maps.beyond)), maps.beyond.shape)
         return f"{told(clearest)} lies outside {band}, by chance with probability {p:.1g}"
     reach = np.maximum(np.abs(maps.low), np.abs(maps.high))
-    widest = told(np.unravel_index(int(np.argmax(reach)), reach.shape))
+    farthest = np.unravel_index(int(np.argmax(reach)), reach.shape)
+    widest = told(farthest)
+    if maps.unseen[farthest] > 0:
+        widest += f", {percent(maps.unseen[farthest])} of it on either side for samples that have not come yet"
     if outcome == "pass":
         return f"every value lies within {band}; the widest interval is that of {widest}"
     return (f"{int((~maps.equivalent).sum())} of {maps.equivalent.size} values may lie outside {band}, first of all "

@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.errors import HarnessError
 from harness.samples.estimate import Estimate
-from harness.scene import Scene
+from harness.scene import Scene, present
 from harness.scene.model import is_black
 from harness.shader.strategies import STRATEGIES, check_strategy
 from harness.stats.bias import error_scale
@@ -61,13 +61,14 @@ def exhibited_strategies(scene: Scene) -> tuple[str, ...]:
 
     HarnessError where the scene names an unknown one.
     """
-    for name in scene.strategies:
+    named = present(scene.file).strategies if scene.path else ()
+    for name in named:
         try:
             check_strategy(scene, name)
         except HarnessError as error:
             raise HarnessError(f"{scene.path or scene.name}: integrator property 'strategies': {error}") from None
-    if scene.strategies:
-        return scene.strategies
+    if named:
+        return named
     has_lobe = any(not is_black(shape.material.ks) for shape in scene.shapes)
     return tuple(name for name in STRATEGIES if check_strategy(scene, name).suits or has_lobe)
 

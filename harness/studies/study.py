@@ -19,7 +19,7 @@ from harness.results import StrategyResult, StudyResult
 from harness.samples.cost import Cost
 from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminance
 from harness.samples.store import Store
-from harness.scene import Film, Scene, SceneFile, describe, file_of, load
+from harness.scene import Film, Scene, SceneFile, describe, file_of, load, present
 from harness.shader.strategies import Strategy, suitable_strategies
 from harness.stats.bias import error_scale
 from harness.stats.convergence import fit_slope
@@ -97,7 +97,7 @@ def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None
     return StudyResult(
         scene=file.name, description=describe(file.path), scene_hash=_hash(file, reading), exposure=film.exposure,
         reference=reference, reference_kind=kind, strategies=tuple(results),
-        notes=(*(reading.notes if reading else ()), *filter(None, [reason])),
+        notes=(*(present(file).notes if reading else ()), *filter(None, [reason])),
         provenance=_provenance(file, film, reading, plan, reference))
 
 

@@ -22,7 +22,7 @@ def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store 
     """The first `samples` samples per pixel of one replica, batch by batch in the store's fixed schedule.
 
     What the store already holds is read, the rest rendered and kept, but for the first samples of a long run (see
-    `is_kept`). HarnessError for fewer than one sample.
+    `is_kept`) where they are the same when they are drawn again. HarnessError for fewer than one sample.
     """
     if samples < 1:
         raise HarnessError(f"samples per pixel must be at least 1, found {samples}")
@@ -31,7 +31,7 @@ def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store 
         def render(start: int = start, count: int = count) -> Batch:
             return renderer.render_batch(replica, start, count)
 
-        keep = is_kept(start, count, samples)
+        keep = is_kept(start, count, samples) or not renderer.traits.repeats
         yield store.get_or_render(identity, replica, start, count, render, keep=keep) if store else render()
         advance(count)
 

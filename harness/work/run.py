@@ -7,6 +7,7 @@ import numpy as np
 from harness.estimators.base import Renderer
 from harness.progress import Advance
 from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminance
+from harness.samples.keys import digest
 from harness.samples.store import LONGEST_BATCH, Store
 from harness.stats.tiles import TileAccumulator, TileSamples, tile_size, tile_sums
 
@@ -20,7 +21,10 @@ class Run:
     def __init__(self, renderer: Renderer, spp: int, store: Store | None = None) -> None:
         self.renderer, self.spp, self.store = renderer, spp, store
         self.replicas = 0
+        self.twins: tuple[int, int] | None = None  # the first two replicas with the same pixels
+        self.images = 0  # how many replicas differ from all before them
         self._identity = dict(renderer.identity)
+        self._seen: dict[str, int] = {}
         self._image = Accumulator()
         self._tiles: TileAccumulator | None = None
 
@@ -29,6 +33,7 @@ class Run:
         while self.replicas < replicas:
             batch = self._batch(self.replicas)
             self._image.add(batch)
+            self._note(batch)
             if self._tiles is None:
                 self._tiles = TileAccumulator(tile_size(*batch.mean.shape[:2]))
             self._tiles.add(with_luminance(batch.mean), batch.samples)
@@ -44,6 +49,13 @@ class Run:
     def estimate(self) -> Estimate:
         """All that was drawn."""
         return self._image.estimate()
+
+    def _note(self, batch: Batch) -> None:
+        """Any two replicas may be one: a seed from the pass alone spares the first, whose passes are cut otherwise."""
+        first = self._seen.setdefault(digest(batch.mean), self.replicas)
+        self.images = len(self._seen)
+        if first < self.replicas and self.twins is None:
+            self.twins = first, self.replicas
 
     def _batch(self, replica: int) -> Batch:
         def render() -> Batch:

@@ -6,6 +6,7 @@
     leaves.png  64 x 64, sRGB: a pattern for reflectances that are 0 in places
     wear.png    32 x 32, grey, meant to be read `raw`: 0 to 1, for exponents and masks
     window.exr  32 x 32, radiance: four panes of different colours
+    day_night.exr  16 x 12, radiance: a sky whose first column is day and whose last is night
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ def main() -> None:
     """Write all images."""
     mi = import_mitsuba()
     for name, pixels in (("sky.exr", sky()), ("tiles.png", tiles()), ("leaves.png", leaves()), ("wear.png", wear()),
-                         ("window.exr", window())):
+                         ("window.exr", window()), ("day_night.exr", day_night())):
         mi.Bitmap(np.ascontiguousarray(pixels)).write(str(FOLDER / name))
 
 
@@ -81,6 +82,14 @@ def window() -> np.ndarray:
     for pane, (top, left) in zip(panes, ((2, 2), (2, 17), (17, 2), (17, 17)), strict=True):
         image[top:top + 13, left:left + 13] = pane
     return image
+
+
+def day_night() -> np.ndarray:
+    """(12, 16, 3) float32: dims from the first column, east of -z, to the last, west of it; darker below."""
+    day, night = np.array([1.6, 1.5, 1.2]), np.array([0.06, 0.08, 0.16])
+    gone = (np.arange(16)[:, None] / 15) ** 0.5
+    height = np.linspace(1.0, 0.5, 12)[:, None, None]
+    return (height * (day + (night - day) * gone)).astype(np.float32)
 
 
 if __name__ == "__main__":

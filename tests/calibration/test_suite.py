@@ -13,7 +13,12 @@ from harness.calibration.suite import BUDGETS, GateBank, Simulation, first_true,
 from harness.errors import HarnessError
 from harness.estimators.tracer import Tracer
 from harness.gates import Gate, GatesFile, References, load_gates, run_gate
+from harness.stats.levels import Looks
+from harness.stats.paired import COUPLED, PairedLooking
+from harness.stats.partings import PARTINGS, draw_pair
+from harness.stats.resampling import draws, mirrored
 from harness.stats.suites import PROMISED, SuiteRates
+from harness.stats.synthetic import Plan
 from harness.stats.tiles import TileSamples, tile_size
 from harness.stats.verdicts import Tolerance
 from harness.work.run import Run
@@ -92,6 +97,45 @@ class TestEndings:
         assert len({share for _, share in together}) > 1
         alone = [ending for run in range(20) for ending in simulation.endings(np.array([run]))]
         assert alone == together
+
+
+class TestCoupled:
+    """Gates whose reference draws the same random numbers."""
+
+    def bank(self, gate: Gate, expected: float = 30.0) -> GateBank:
+        """128 pairs of replicas of 64 samples per pixel, of which so many part."""
+        gate = dataclasses.replace(gate, tolerance=COUPLED, spp=64)
+        plan = PairedLooking(Looks(tuple(64 * replicas for replicas in gate.looks)), COUPLED)
+        test, reference = draw_pair(PARTINGS["even"], Plan(60, 128, 64), expected, np.random.default_rng(3))
+        return GateBank(gate, *mirrored(test, reference), True, plan)
+
+    def test_runs_draw_the_same_replicas_of_both_sides(self, tmp_path: Path) -> None:
+        """They end as the plan ends on just these pairs; drawn apart they would be noise, and never decided."""
+        held = self.bank(one_gate(tmp_path))
+        plan = held.paired
+        assert plan is not None
+        found = Simulation(held, 5).endings(np.arange(5))
+        chosen = draws(256, 64, 5, suite.TEST)
+        for run, (outcome, share) in zip(chosen, found, strict=True):
+            batches = round(64 * share)
+            sides = held.test.chosen(run[:batches]), held.reference.chosen(run[:batches])
+            assert plan.outcome(held.gate.looks.index(batches), *sides) == outcome == "pass"
+
+    def test_are_sharp(self, tmp_path: Path) -> None:
+        held = self.bank(one_gate(tmp_path))
+        found = simulate(held, 3)
+        assert found.rates.failed == found.rates.undecided == 0
+        assert 0.5 * COUPLED.mean < (found.rates.sure_everywhere or 1.0) <= 1.1 * COUPLED.mean
+        assert all(power.failed == power.trials for power in found.powers)
+
+    def test_a_budget_within_the_rule_of_three_is_refused(self, tmp_path: Path) -> None:
+        """Samples as bright as a lamp's, of which nobody can say after so few that none parts."""
+        held = self.bank(one_gate(tmp_path))
+        assert held.paired is not None
+        held = dataclasses.replace(held, **{side: dataclasses.replace(getattr(held, side), brightest=None)
+                                            for side in ("test", "reference")},
+                                   paired=dataclasses.replace(held.paired, largest=100.0))
+        assert {outcome for outcome, _ in Simulation(held, 5).endings(np.arange(5))} == {"refused"}
 
 
 class TestRates:

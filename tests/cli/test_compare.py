@@ -401,4 +401,12 @@ class TestCommand:
 
     def test_without_its_scene_is_refused(self, harness: Harness) -> None:
         assert refusal(harness("compare", "--command", "x {seed} {out}")).startswith("--command needs the scene")
-        assert refusal(harness("compare", "a.exr", "b.exr", "--scene", "x.xml")).startswith("--scene, --set and --size")
+        assert refusal(harness("compare", "a.exr", "b.exr", "--scene", "x.xml")).startswith(
+            "--scene, --set, --size and --max-depth belong to --command")
+        assert refusal(harness("compare", "a.exr", "b.exr", "--max-depth", 2)).startswith("--scene, --set, --size and")
+
+    def test_is_told_the_depth(self, harness: Harness, sky: Path) -> None:
+        """Or the depth is refused: the two sides would not be of one scene."""
+        line = self.template("is right")
+        done = harness("compare", "--command", line, "--scene", sky, "--max-depth", 1)
+        assert "max_depth does not reach it; pass {max_depth} on to the program" in refusal(done)

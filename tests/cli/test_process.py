@@ -83,8 +83,9 @@ class TestInterruption:
         if "report" in arguments:  # begins with the reference, whose batches are of one size
             assert batches == [(replica, 0, 128) for replica in range(len(batches))]
         else:
+            kept = 0 if "reference" in arguments else LEAD_IN  # Mitsuba's would not be the same again
             assert batches == [(0, start, count) for start, count in schedule(batches[-1][1] + batches[-1][2])
-                               if start >= LEAD_IN]
+                               if start >= kept]
 
     def test_of_a_study_is_continued_where_it_was(
         self, harness: Harness, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,

@@ -25,6 +25,19 @@ SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
 SMALL = ("--size", "16x12", "--spp", "4")
 
 
+@pytest.mark.parametrize("command", ["render", "reference"])
+def test_the_depth_is_the_one_asked_for(harness: Harness, command: str) -> None:
+    """Of the closed cube E at depth 1, E (1 + ρ) at depth 2: the tracer's exactly, Mitsuba samples the walls' light."""
+    tolerance = 1e-4 if command == "render" else 0.05
+    scene = data_dir("mitsuba_scenes") / "furnace_cube.xml"
+    for depth, expected in ((1, (0.2, 0.4, 0.6)), (2, (0.36, 0.6, 0.78))):
+        done = harness(command, scene, *SMALL, "--max-depth", depth, "--json", "-o", "x.exr")
+        assert done.json["scene"] == f"furnace_cube max_depth={depth}"
+        found = [done.json["mean"][name] for name in ("red", "green", "blue")]
+        np.testing.assert_allclose(found, expected, rtol=tolerance)
+    assert harness(command, scene, "--max-depth", 0).status == 2
+
+
 class TestExr:
     """Any viewer opens it, and it says where it comes from."""
 
@@ -101,18 +114,18 @@ def test_json_is_one_object_with_the_means_of_the_image(harness: Harness, sky: P
 class TestCache:
     """Samples are rendered once."""
 
-    @pytest.mark.parametrize("command", ["render", "reference"])
+    @pytest.mark.parametrize(("command", "spp"), [("render", 8), ("reference", 8), ("reference", 256)])
     def test_a_second_run_renders_nothing(
-        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, command: str,
+        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, command: str, spp: int,
     ) -> None:
-        harness(command, sky, "--spp", 8, "-o", "x.exr")
+        harness(command, sky, "--spp", spp, "-o", "x.exr")
 
         def refuse(*arguments: object) -> Batch:
             raise AssertionError("rendered again")
 
         for name in ("gpu.renderer.TracerRenderer", "reference.renderer.ReferenceRenderer"):
             monkeypatch.setattr(f"harness.{name}.render_batch", refuse)
-        assert harness(command, sky, "--spp", 8, "-o", "again.exr").status == 0
+        assert harness(command, sky, "--spp", spp, "-o", "again.exr").status == 0
         np.testing.assert_array_equal(read_estimate("again.exr")[0].mean, read_estimate("x.exr")[0].mean)
 
     def test_is_neither_read_nor_written_where_not_wanted(self, harness: Harness, sky: Path, tmp_path: Path) -> None:

@@ -15,11 +15,13 @@ import pytest
 from harness.errors import HarnessError
 from harness.estimators.base import Estimator
 from harness.estimators.constant import Constant
+from harness.estimators.coupled import Coupled
 from harness.estimators.held import OneAtATime
 from harness.estimators.images import Images
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
 from harness.gpu.renderer import TracerRenderer
+from harness.reference.coupled import CoupledRenderer
 from harness.reference.renderer import ReferenceRenderer
 from harness.samples.estimate import Estimate
 from harness.samples.exr import write_estimate
@@ -31,6 +33,7 @@ SCENE = SceneFile.bundled("furnace_convex", (8, 6))
 LINE = ("lib/phong.glsl", "return m.kd;", "return m.ks;")
 ESTIMATORS = [Tracer(), Tracer("cosine", OURS.with_line(*LINE)), Tracer(without=("lens",)),
               Tracer(shader=Path("own.frag"), folder=Path("own")), Mitsuba(), Mitsuba("path", 3, "llvm_ad_spectral"),
+              Coupled(), Coupled("cosine"),
               Constant((0.5, 0.25, 1.0)), Images((Path("truth.exr"),))]
 
 
@@ -45,7 +48,7 @@ def test_are_values(estimator: Estimator) -> None:
 
 
 @pytest.mark.parametrize(("estimator", "renderer"), [
-    (Tracer("cosine"), TracerRenderer), (Mitsuba(), ReferenceRenderer)])
+    (Tracer("cosine"), TracerRenderer), (Mitsuba(), ReferenceRenderer), (Coupled("cosine"), CoupledRenderer)])
 def test_let_go_of_what_they_hold_whatever_happens(
     estimator: Estimator, renderer: type, monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -139,6 +139,10 @@ class TestRefusals:
         ("spp = true", 6, "'spp' must be a whole number from 1 to"),
         ("size = [0, 3]", 6, "expected [width, height], each 1 to 1024, found [0, 3]"),
         ("size = 64", 6, "expected [width, height]"),
+        ("max_depth = 0", 6, "'max_depth' must be a whole number from 1 to 1024, found 0"),
+        ("max_depth = 2.0", 6, "'max_depth' must be a whole number from 1 to 1024, found 2.0"),
+        ("max_depth = 1025", 6, "'max_depth' must be a whole number from 1 to 1024, found 1025"),
+        ('scene = "scenes/plates"', 3, "unknown scene 'scenes/plates'; name an .xml file, or one of "),
         ("confidence = 95", 6, "'confidence' must be a number above 0.5 and below 1, found 95"),
         ("confidence = nan", 6, "'confidence' must be a number"),
         ("not_finite = 1", 6, "'not_finite' must be a number from 0 and below 1, found 1"),
@@ -220,8 +224,16 @@ z = 1
 def test_the_default_suite_is_right(tmp_path: Path) -> None:
     file = load_gates(Path(__file__).parents[1] / "gates.toml")
     assert file.false_alarms == 0.01
-    covered = {gate.scene.path.stem for gate in file.gates}
-    assert covered == {path.stem for path in data_dir("mitsuba_scenes").glob("*.xml")}
+    covered = {gate.scene.path for gate in file.gates}
+    folder = data_dir("mitsuba_scenes")
+    assert covered == {*folder.glob("*.xml"), *folder.glob("traps/*.xml")}
+
+
+def test_a_depth_is_the_gates_own_or_that_of_all(tmp_path: Path) -> None:
+    second = GATES.partition("[[gate]]")[2].replace('"sky"', '"shallow"')
+    text = GATES.replace("[defaults]", "[defaults]\nmax_depth = 5") + f"\n[[gate]]{second}\nmax_depth = 1\n"
+    assert [gate.scene.max_depth for gate in load_gates(write(tmp_path, text)).gates] == [5, 1]
+    assert one_gate(tmp_path).scene.max_depth is None
 
 
 def test_the_example_of_the_tests_is_right(tmp_path: Path) -> None:

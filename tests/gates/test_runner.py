@@ -297,6 +297,7 @@ class TestContract:
         """A seed without the replica looks like noiseless samples: their error would be taken for a bias."""
         for seed, told in (
             ("first_sample", "all replicas are one image, which is not without noise: the seed leaves out `replica`"),
+            ("40503u * uint(numpass)", "one image, which is not without noise: the seed leaves out `replica`, or makes"),
             ("0u", "; all batches are one image: without noise, or from a seed without `first_sample` and `replica`"),
             ("first_sample + 977u * replica", "")):
             noise = f"vec3(fract(float(pixel * 2654435761u ^ ({seed}) * 40503u) * 2.3283e-10))"
@@ -306,6 +307,51 @@ class TestContract:
             assert result.outcome == "fail"
             assert told in result.reason
             assert ("one image" in result.reason) == bool(told)
+
+    @pytest.mark.parametrize("sigma", [0.001, 0.01, 3.0])
+    def test_any_two_replicas_differ(self, gate: Gate, sigma: float) -> None:
+        """Whatever the verdict and the budget would say: passing, failing and hopeless alike are told of equal ones."""
+        class Repeating(NoiseRenderer):
+            def render_batch(self, replica: int, *arguments: int, **options: Any) -> Batch:
+                return super().render_batch(min(replica, 3), *arguments, **options)
+
+        result = run_gate(judging(gate, Repeating(0.5, sigma, (40, 40))))
+        assert (result.outcome, len(result.looks)) == ("fail", 1)
+        assert result.reason.startswith("replicas 3 and 4 are one image, and of 16 replicas only 4 differ, which is not "
+                                        "without noise: the seed leaves out `replica`")
+
+    @pytest.mark.parametrize("noisy", [0, 31, 32])
+    def test_replicas_without_noise_may_be_equal(self, gate: Gate, noisy: int) -> None:
+        """And those that differ in a few pixels may be so by chance."""
+        sigma = np.zeros((40, 40, 1))
+        sigma.ravel()[:noisy] = 0.01
+
+        class Repeating(NoiseRenderer):
+            def render_batch(self, replica: int, *arguments: int, **options: Any) -> Batch:
+                return super().render_batch(min(replica, 3), *arguments, **options)
+
+        result = run_gate(judging(gate, Repeating(0.5, sigma, (40, 40))))
+        assert result.outcome == ("fail" if noisy == 32 else "pass"), result.reason
+
+    def test_count_before_the_budget(self, gate: Gate, tmp_path: Path) -> None:
+        """The handout draws one sample a pass: to advise 64 times the samples would help nobody."""
+        noise = "vec3(fract(sin(dot(gl_FragCoord.xy, vec2(12.9, 78.2)) + float(replica + first_sample)) * 43758.5))"
+        shader = own_shader(tmp_path, f"sum = before + vec4(50.0 * ({noise} - 0.5) + 0.5, 1.0);")
+        result = run_gate(dataclasses.replace(with_own(small(gate, 10), shader=shader), spp=16, replicas=64))
+        assert (result.outcome, len(result.looks)) == ("fail", 1)
+        assert "or not counted in alpha; to what pingpong0 holds" in result.reason
+        assert "one sample a pass is too few" in result.reason
+
+    @pytest.mark.parametrize(("sum_", "spp", "told"), [
+        ("vec4(vec3(0.5), before.a + k)", 16, "1/16"), ("vec4(vec3(0.5), before.a + k)", 300, "1/300"),
+        ("before + vec4(vec3(0.25), 1.0) * k", 64, "")])
+    def test_a_mean_is_no_sum(self, gate: Gate, tmp_path: Path, sum_: str, spp: int, told: str) -> None:
+        """The mean in place of the sum; half the sum is another story."""
+        shader = own_shader(tmp_path, f"sum = {sum_};")
+        result = run_gate(dataclasses.replace(with_own(small(gate, 10), shader=shader), spp=spp, replicas=16))
+        assert result.outcome == "fail"
+        assert ("as where a mean is stored for a sum: pingpong0's rgb" in result.reason) == bool(told)
+        assert f" is {told} - 1, " in result.reason or not told
 
 
 def with_own(gate: Gate, **own: Path) -> Gate:

@@ -60,6 +60,22 @@ def test_a_program_is_run_once_a_replica(tmp_path: Path, level: float, outcome: 
     assert (result.outcome, result.test.batches) == (outcome, 16)
 
 
+def test_a_program_that_takes_a_depth_is_asked_for_each(tmp_path: Path) -> None:
+    """Beyond one vertex it is 4 % too bright; the scene's own bound, 2, and the depths of the ladder reach it."""
+    line = command(tmp_path, 0.0, PROGRAM.replace("float(sys.argv[5])", "0.52 if int(sys.argv[5]) > 1 else 0.5"))
+    result = run_gate(load_gates(gates(tmp_path, line.replace("0.0'", "{max_depth}'"))).gates[0])
+    assert result.outcome == "fail"
+    assert result.reason.endswith("right up to depth 1, wrong at 2, the scene's (light scattered once)")
+    deaf = run_gate(load_gates(gates(tmp_path, command(tmp_path, 0.52))).gates[0])
+    assert deaf.reason.endswith("no ladder of depths: max_depth does not reach it; pass {max_depth} on to the program")
+
+
+def test_of_images_there_is_no_ladder(tmp_path: Path) -> None:
+    images(tmp_path, 0.52)
+    found = run_gate(load_gates(gates(tmp_path, 'images = "mine_*.exr"')).gates[0]).reason
+    assert found.endswith("no ladder of depths: mine_0.exr and 7 more is what it is at every max_depth")
+
+
 def test_of_a_strategy_in_the_defaults_nothing_is_left(tmp_path: Path) -> None:
     """An entry that names a program is not about our tracer."""
     images(tmp_path, 0.5, 2)
@@ -76,6 +92,8 @@ def test_of_a_strategy_in_the_defaults_nothing_is_left(tmp_path: Path) -> None:
     ('command = "myrt {seed}"', r"command `myrt \{seed\}`: lacks \{out\}; pass it on"),
     ('command = "myrt {seed} {out} {size}"', r"unknown '\{size\}'; allowed: \{scene\}, \{spp\}"),
     ('command = "myrt {seed} {out}"\ntimeout = 0', r"'timeout' must be a number above 0"),
+    ('command = "myrt {seed} {out}"\nmax_depth = 2', r"`myrt \{seed\} \{out\}`: max_depth does not reach it; pass "
+                                                     r"\{max_depth\} on to the program"),
     ("", "expected one of strategy, command, images, found none of them"),
 ])
 def test_what_nothing_can_be_judged_by_is_refused_with_its_line(tmp_path: Path, judged: str, told: str) -> None:

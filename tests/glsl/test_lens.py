@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.scene import Scene
+from harness.scene import Scene, present
 from harness.shader.scene.chunk import scene_chunk
 from tests.support.tracer import evaluate
 
@@ -111,7 +111,7 @@ def test_an_aperture_of_0_is_a_pinhole(mi: Any, scene: Any) -> None:
     """Mitsuba puts 6e-8 in its place: the rays of `perspective`, in both, and a note that says so."""
     element = sensor(lens(0))
     loaded = scene(sensor=element)
-    assert re.search("aperture_radius 0: a pinhole", loaded.notes[0])
+    assert re.search("aperture_radius 0: a pinhole", present(loaded.file).notes[0])
     assert "HAS_LENS 0" in scene_chunk(loaded, "cosine")
     assert_same_rays(mi, scene, element)
     plain = scene(sensor=re.sub("thinlens", "perspective", sensor("")))

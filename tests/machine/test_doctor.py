@@ -11,7 +11,7 @@ import pytest
 
 from harness.machine import doctor
 from harness.machine.doctor import Check
-from harness.machine.mitsuba_runtime import LLVM_VARIABLE
+from harness.machine.llvm_beside import LLVM_VARIABLE
 
 RunHarness = Callable[..., subprocess.CompletedProcess[str]]
 

@@ -12,7 +12,8 @@ import pytest
 
 from harness.errors import MachineError
 from harness.machine import mitsuba_runtime
-from harness.machine.mitsuba_runtime import LLVM_VARIABLE, OLDEST_LLVM, find_llvm, import_mitsuba, use_reference_variant
+from harness.machine.llvm_beside import LLVM_VARIABLE, OLDEST_LLVM, library_beside, point_drjit_at_it
+from harness.machine.mitsuba_runtime import find_llvm, import_mitsuba, use_reference_variant
 
 # A library of every Linux machine that is not LLVM; without LLVMGetVersion it looks like LLVM 15 or older.
 NOT_LLVM = "libc.so.6"
@@ -47,8 +48,9 @@ class TestFindLLVM:
         assert llvm.version[0] >= OLDEST_LLVM
         assert llvm.origin == "wheel karellen-llvm-core"
 
-    def test_the_users_path_wins(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        path = find_llvm().path
+    def test_the_users_path_wins(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        path = tmp_path / "libLLVM.so"
+        path.symlink_to(find_llvm().path)
         monkeypatch.setenv(LLVM_VARIABLE, str(path))
         assert find_llvm().origin == LLVM_VARIABLE
         assert find_llvm().path == path
@@ -109,6 +111,49 @@ class TestFindLLVM:
             find_llvm()
 
 
+class TestLibraryBeside:
+    """What importing the harness sets for all who import drjit afterwards."""
+
+    @staticmethod
+    def environment(folder: Path, *libraries: str) -> str:
+        (folder / "lib").mkdir()
+        for name in libraries:
+            (folder / "lib" / name).touch()
+        return str(folder)
+
+    @pytest.mark.parametrize(("libraries", "found"), [
+        (["libLLVM.so.9.1", "libLLVM.so.17.0", "libLLVM.so.19.1", "libLLVM.so"], "libLLVM.so.19.1"),
+        (["libLLVM.so.15.0", "libLLVM-16.so"], None), ([], None)])
+    def test_is_the_newest_that_is_new_enough(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, libraries: list[str], found: str | None,
+    ) -> None:
+        monkeypatch.setattr(sys, "prefix", self.environment(tmp_path, *libraries))
+        assert library_beside() == (found and str(tmp_path / "lib" / found))
+
+    def test_is_none_without_the_folder(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(sys, "prefix", str(tmp_path))
+        assert library_beside() is None
+
+    @pytest.mark.parametrize(("users", "imported", "expected"), [
+        (None, False, "lib/libLLVM.so.19.1"), ("/mine.so", False, "/mine.so"), (None, True, None)])
+    def test_is_set_unless_the_user_or_drjit_has_chosen(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, users: str | None, imported: bool, expected: str | None,
+    ) -> None:
+        monkeypatch.setattr(sys, "prefix", self.environment(tmp_path, "libLLVM.so.19.1"))
+        monkeypatch.setattr(sys, "modules", {"drjit": os} if imported else {})
+        monkeypatch.delenv(LLVM_VARIABLE, raising=False)
+        if users:
+            monkeypatch.setenv(LLVM_VARIABLE, users)
+        point_drjit_at_it()
+        assert os.environ.get(LLVM_VARIABLE) == (expected and str(tmp_path / expected))
+
+    def test_is_not_taken_for_the_users_choice(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        found = library_beside()
+        assert found is not None
+        monkeypatch.setenv(LLVM_VARIABLE, found)
+        assert find_llvm().origin == "wheel karellen-llvm-core"
+
+
 class TestImportMitsuba:
     """In processes of their own: what drjit loads, it keeps."""
 
@@ -145,8 +190,23 @@ assert mi.variant() is None
         import drjit
 
         monkeypatch.setattr(drjit.detail, "llvm_version", lambda: (15, 0, 6))
-        with pytest.raises(MachineError, match=r"drjit runs on LLVM 15.*import harness before drjit"):
+        with pytest.raises(MachineError, match=r"drjit runs on LLVM 15.*import harness before drjit and mitsuba, or "
+                           rf"start Python with {LLVM_VARIABLE}=/.*libLLVM\S* in its environment"):
             use_reference_variant()
+
+    def test_imported_by_a_program_after_the_harness_has_the_harnesss_llvm(self) -> None:
+        """drjit chooses when it is imported, by whomever; left alone it takes the system's newest, 15 on Debian 12."""
+        program = """
+import harness
+import mitsuba
+mitsuba.set_variant("scalar_rgb")
+import drjit
+from harness.machine.mitsuba_runtime import find_llvm, use_reference_variant
+print(use_reference_variant().variant(), drjit.detail.llvm_version() == find_llvm().version)
+"""
+        environment = {name: value for name, value in os.environ.items() if name != LLVM_VARIABLE}
+        done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+        assert done.stdout == "llvm_ad_rgb True\n", done.stderr
 
     def test_an_unreadable_libatomic_is_a_message(self, tmp_path: Path) -> None:
         (tmp_path / "libatomic.so.1").write_text("not a library")

@@ -121,6 +121,20 @@ class TestKeeping:
             store.put(KEY, 0, 0, 8, batch(samples=4))
         assert files(store) == []
 
+    def test_what_is_held_but_not_kept_is_read_once(self, store: Store) -> None:
+        store.hold(KEY, 0, 0, 4, batch, keep=False)
+        store.hold(KEY, 0, 0, 4, never, keep=False)
+        assert [path.name for path in files(store)] == ["0-0-4.once.exr"]
+        found = Store(store.root).get_or_render(KEY, 0, 0, 4, never, keep=False)
+        np.testing.assert_array_equal(found.mean, batch().mean)
+        assert files(store) == []
+
+    def test_what_is_kept_need_not_be_held_as_well(self, store: Store) -> None:
+        store.hold(KEY, 0, 0, 4, batch)
+        store.hold(KEY, 0, 0, 4, never, keep=False)
+        store.get_or_render(KEY, 0, 0, 4, never, keep=False)
+        assert [path.name for path in files(store)] == ["0-0-4.exr"]
+
     def test_interrupted_render_stores_nothing(self, store: Store) -> None:
         def interrupted() -> Batch:
             raise KeyboardInterrupt

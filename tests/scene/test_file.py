@@ -42,7 +42,7 @@ class TestFilm:
         file = write(tmp_path / "a.xml").sized(20, 10)
         reading = load(file)
         assert file.film == Film(20, 10, 1.5)
-        assert (reading.width, reading.height, reading.exposure) == (20, 10, 1.5)
+        assert (reading.width, reading.height) == (20, 10)
         assert reading.file == SceneFile(file.path.resolve(), size=(20, 10))
 
     def test_is_missing_without_a_sensor(self, tmp_path: Path) -> None:
@@ -129,3 +129,42 @@ def test_a_scene_that_was_changed_in_memory_is_not_taken_for_its_file() -> None:
     assert file_of(read) == read.file
     with pytest.raises(SceneError, match=r"spheres\.xml: the scene differs from its file in more than film size"):
         file_of(dataclasses.replace(read, max_depth=read.max_depth + 1))
+
+
+class TestDepth:
+    """Vertices of a path at most, the file's or another."""
+
+    LIGHT = '<emitter type="constant"/>'
+
+    def test_is_the_files_unless_set(self, tmp_path: Path) -> None:
+        file = write(tmp_path / "a.xml", self.LIGHT)
+        assert (file.depth, load(file).max_depth, prepare(file).max_depth) == (2, 2, 2)
+        other = file.at_depth(5)
+        assert (other.depth, load(other).max_depth, prepare(other).max_depth) == (5, 5, 5)
+        assert other.name == "a max_depth=5" and other.hash != file.hash
+        assert load(other).content_hash == load(write(tmp_path / "b.xml", self.LIGHT).at_depth(5)).content_hash
+        assert file_of(load(other)) == replace_path(other)
+
+    def test_without_a_bound_is_none(self, tmp_path: Path) -> None:
+        file = write(tmp_path / "a.xml", self.LIGHT)
+        file.path.write_text(file.path.read_text().replace(INTEGRATOR, '<integrator type="volpath"/>'))
+        assert (file.depth, file.at_depth(3).depth, prepare(file.at_depth(3)).max_depth) == (None, 3, 3)
+
+    @pytest.mark.parametrize(("integrator", "message"), [
+        ('<integrator type="direct"/>', r"a\.xml:\d+: integrator 'direct' has no max_depth to set; those that have"),
+        ("", r"a\.xml:\d+: the scene has no <integrator>; add one of type 'path'")])
+    def test_that_cannot_be_set_is_refused(self, tmp_path: Path, integrator: str, message: str) -> None:
+        file = write(tmp_path / "a.xml", self.LIGHT)
+        file.path.write_text(file.path.read_text().replace(INTEGRATOR, integrator))
+        with pytest.raises(SceneError, match=message):
+            file.at_depth(2).parsed()
+
+    @pytest.mark.parametrize("depth", [0, -1, 1025])
+    def test_out_of_range_is_refused(self, depth: int) -> None:
+        with pytest.raises(HarnessError, match=rf"max_depth is {depth}; allowed: 1 \(light seen directly\) to 1024"):
+            SceneFile(Path("a.xml"), max_depth=depth)
+
+
+def replace_path(file: SceneFile) -> SceneFile:
+    """What a reading knows of its file: the absolute path, and the size."""
+    return dataclasses.replace(file, path=file.path.resolve(), size=(8, 6))

@@ -20,7 +20,7 @@ from harness.stats.calibration import (
 )
 from harness.stats.levels import Looks
 from harness.stats.rates import Rate
-from harness.stats.sequential import Sequence
+from harness.stats.sequential import Looking
 from harness.stats.synthetic import NOISES, Plan, draw, with_gain
 from harness.stats.tiles import TileSamples
 from harness.stats.verdicts import TESTS, Tolerance
@@ -77,7 +77,7 @@ class TestPower:
 
     def test_a_plan_passes_the_good_and_fails_the_bad(self, rng: np.random.Generator) -> None:
         """Standard errors: 0.24 % of the image, 4.7 % of a small tile. Three times the tolerance is found early."""
-        plan = Sequence(LOOKS, Tolerance(0.02, 0.08, 0.4))
+        plan = Looking(LOOKS, Tolerance(0.02, 0.08, 0.4))
         gains = power("case", pairs(rng, "normal", "normal", 4), plan, rng)
         by = {(each.where, each.gain): each for each in gains}
         assert all(each.trials == 4 and each.failed + each.passed <= 4 for each in gains)
@@ -89,7 +89,7 @@ class TestPower:
         assert by["everywhere", 0.0].share <= 1.0
 
     def test_without_tolerance_nothing_passes(self, rng: np.random.Generator) -> None:
-        found = power("case", pairs(rng, "normal", "normal", 3), Sequence(Looks((128,)), NO_TOLERANCE), rng)
+        found = power("case", pairs(rng, "normal", "normal", 3), Looking(Looks((128,)), NO_TOLERANCE), rng)
         assert not any(each.passed for each in found)
         assert all(each.share == 1.0 for each in found)
 

@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.stats.resampling import centred, draws, noisy, resampled, shaded_patches
+from harness.stats.paired import largest_by_size, paired
+from harness.stats.partings import PARTINGS, draw_pair
+from harness.stats.resampling import (
+    centred,
+    draws,
+    mirrored,
+    noisy,
+    resampled,
+    resampled_pairs,
+    shaded_patches,
+)
+from harness.stats.synthetic import Plan
 from harness.stats.tiles import ImageMoments, TileSamples
 
 SIZE, HEIGHT, WIDTH, TILE = 24, 22, 31, 2
@@ -90,3 +101,31 @@ class TestPatches:
         means[:, 7, 9] = rng.standard_normal((4, 4))
         patches = shaded_patches(TileSamples(means, np.ones(4), 1, 20, 20), 20, rng)
         assert {(row, column) for row, column, _ in patches} <= {(6, 8), (6, 9), (7, 8), (7, 9)}
+
+
+class TestPairs:
+    """Coupled banks, whose replicas are drawn two by two."""
+
+    def test_contrasts_are_those_of_the_pairs_drawn(self, rng: np.random.Generator) -> None:
+        test, reference = draw_pair(PARTINGS["lamps"], Plan(side=60, batches=16, spp=64), 30.0, rng)
+        largest = largest_by_size(test, reference)
+        chosen = draws(16, 12, 3, 0)
+        for run, contrasts in zip(chosen, resampled_pairs(test, reference, chosen, largest), strict=True):
+            drawn = paired(test.chosen(run), reference.chosen(run))
+            for found, expected in zip(contrasts, drawn, strict=True):
+                np.testing.assert_allclose(found.single, expected.single, rtol=1e-10)
+                np.testing.assert_allclose(found.moments.test.variance, expected.moments.test.variance, rtol=1e-6)
+                for error in (0.0, 1e-3):
+                    for ours, theirs in zip(found.excess(error), expected.excess(error), strict=True):
+                        np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-9 * np.abs(theirs).max())
+
+    def test_a_mirrored_bank_has_no_bias_and_keeps_its_pairs(self, rng: np.random.Generator) -> None:
+        test, reference = draw_pair(PARTINGS["bright"], Plan(side=60, batches=16, spp=64), 500.0, rng, drift=0.01)
+        away = test.means - reference.means
+        ours, theirs = mirrored(test, reference)
+        moved = ours.means - theirs.means
+        assert len(ours.samples) == 32 and np.abs(away.mean(axis=0)).min() > 0.001
+        np.testing.assert_allclose(moved.mean(axis=0), 0.0, atol=1e-12)
+        np.testing.assert_allclose(moved[:16], away, atol=1e-12)
+        np.testing.assert_array_equal(theirs.means[16:], reference.means)
+        assert ours.brightest is not None and ours.brightest.shape == ours.means.shape

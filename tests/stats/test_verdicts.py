@@ -8,7 +8,7 @@ from scipy import stats
 
 from harness.errors import HarnessError
 from harness.stats.levels import Looks, family_level
-from harness.stats.sequential import Sequence
+from harness.stats.sequential import Looking
 from harness.stats.tiles import ImageMoments, TileAccumulator, TileSamples
 from harness.stats.verdicts import (
     TESTS,
@@ -203,18 +203,18 @@ class TestImage:
             assert share(bias) < 0.1 + 3 * np.sqrt(0.1 * 0.9 / 400)
 
 
-class TestSequence:
+class TestLooking:
     """Looks at growing samples."""
 
     def test_a_look_has_its_share_of_both_rates(self, rng: np.random.Generator) -> None:
-        sequence = Sequence(Looks((8, 16, 32)), fail_level=0.04, pass_level=0.08)
+        sequence = Looking(Looks((8, 16, 32)), fail_level=0.04, pass_level=0.08)
         found = sequence.decide(0, exact(ones()), exact(ones()))
         assert found.fine.pass_level == pytest.approx(0.02)
         assert found.fine.fail_level == pytest.approx(family_level(0.01, TESTS))
 
     def test_a_gross_bug_fails_at_the_first_look_and_a_small_one_at_a_later(self, rng: np.random.Generator) -> None:
         """Growing batches of one run: standard errors of 0.2 %, 0.15 % and 0.1 %, excesses of 29 % and 0.4 %."""
-        sequence = Sequence(Looks((64, 128, 256)), Tolerance(0.01, 0.05, 0.1))
+        sequence = Looking(Looks((64, 128, 256)), Tolerance(0.01, 0.05, 0.1))
 
         def outcomes(bias: float) -> list[str]:
             run = noisy(rng, (1 + bias) * ones(), sigma=0.075, batches=64)
@@ -227,7 +227,7 @@ class TestSequence:
 
     def test_the_outcome_alone_is_the_verdicts(self, rng: np.random.Generator) -> None:
         """From moments, for every outcome, values that are not finite and variances that are not known among them."""
-        sequence = Sequence(Looks((64, 128)), Tolerance(0.01, 0.05, 0.1))
+        sequence = Looking(Looks((64, 128)), Tolerance(0.01, 0.05, 0.1))
         broken, single = ones(), noisy(rng, ones(), batches=1)
         broken[3, 3] = np.nan
         pairs = [(noisy(rng, (1 + bias) * ones(), sigma), reference) for bias in (0.0, 0.008, 0.02, -0.1)

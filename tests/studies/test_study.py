@@ -156,18 +156,22 @@ class TestWhatAReportShows:
 
     def test_those_that_the_scene_file_names(self, tmp_path: Path) -> None:
         """A property of the integrator, which neither the image nor Mitsuba sees."""
-        path = tmp_path / "named.xml"
-        text = SPHERES.read_text(encoding="utf-8")
-        path.write_text(text.replace('<integer name="max_depth" value="6"/>', '<integer name="max_depth" value="6"/>'
-                                     '<string name="strategies" value="mixture, cosine"/>'), encoding="utf-8")
-        named = load_scene(path, width=8, height=6)
+        named = self.named(tmp_path, "mixture, cosine")
         assert exhibited_strategies(named) == ("mixture", "cosine")
         assert named.content_hash == load_scene(SPHERES, width=8, height=6).content_hash
         assert render_estimate(ReferenceRenderer(named.file), 2).mean.shape == (6, 8, 3)
 
-    def test_an_unknown_one_is_refused(self, scene: Scene) -> None:
-        with pytest.raises(HarnessError, match=r"spheres\.xml: integrator property 'strategies': unknown strategy"):
-            exhibited_strategies(dataclasses.replace(scene, strategies=("mixture", "mi")))
+    def test_an_unknown_one_is_refused(self, tmp_path: Path) -> None:
+        with pytest.raises(HarnessError, match=r"named\.xml: integrator property 'strategies': unknown strategy"):
+            exhibited_strategies(self.named(tmp_path, "mixture, mi"))
+
+    @staticmethod
+    def named(folder: Path, strategies: str) -> Scene:
+        """A scene whose file names these strategies."""
+        path, depth = folder / "named.xml", '<integer name="max_depth" value="6"/>'
+        path.write_text(SPHERES.read_text(encoding="utf-8").replace(
+            depth, f'{depth}<string name="strategies" value="{strategies}"/>'), encoding="utf-8")
+        return load_scene(path, width=8, height=6)
 
     def test_a_mesh_in_the_reference_widens_the_tolerance_and_says_so(self, scene: Scene) -> None:
         fractal = Procedural("fractal", ((0.0,) * 3, (1.0,) * 3), 1, 2.0, 0.5, 1.0, 0.0, 0, scene.shapes[0].to_world)

@@ -12,6 +12,7 @@ from harness.errors import HarnessError
 from harness.policy import FALSE_ALARMS, fail_level, judge, tolerances
 from harness.samples.estimate import Estimate
 from harness.samples.store import LEAD_IN, Store
+from harness.samples.traits import Traits
 from harness.stats.verdicts import Tolerance
 from harness.work.batches import batches, equal_batches, render_estimate
 from harness.work.run import reference_run, tiles_of
@@ -65,6 +66,17 @@ def test_a_long_run_keeps_three_images_in_nine_and_draws_an_eighth_again(tmp_pat
     store = Store(tmp_path)
     render_estimate(NoiseRenderer(), 256, store=store)
     assert sorted(path.stem for path in tmp_path.rglob("*.exr")) == ["0-128-128", "0-32-32", "0-64-64"]
+
+
+def test_a_long_run_of_what_does_not_repeat_itself_is_kept_whole(tmp_path: Path) -> None:
+    """Else a second run would be another image, if only by rounding."""
+    class Unrepeatable(NoiseRenderer):
+        traits = Traits(repeats=False)
+
+    store = Store(tmp_path)
+    cold, again = render_estimate(Unrepeatable(), 300, store=store), Unrepeatable()
+    np.testing.assert_array_equal(render_estimate(again, 300, store=store).mean, cold.mean)
+    assert not again.calls
 
 
 def test_an_interrupted_run_continues_where_it_was(tmp_path: Path) -> None:

@@ -11,10 +11,11 @@ import pytest
 from harness.errors import HarnessError
 from harness.estimators.tracer import Tracer
 from harness.files import data_dir
-from harness.samples.store import Store, schedule
+from harness.samples.store import LEAD_FACTOR, LEAD_IN, Store, schedule
 from harness.scene import SceneFile
 from harness.shader.library import OURS
 from harness.studies.study import study
+from harness.work.batches import batches
 from harness.work.executors import EXECUTORS, executor
 from harness.work.tasks import Task, draw, tasks_of
 
@@ -53,6 +54,27 @@ def test_every_executor_leaves_the_same_pixels(tmp_path: Path) -> None:
         found.append(files(tmp_path / name))
     assert len(found[0]) == len(tasks)
     assert all(other == found[0] for other in found)
+
+
+@pytest.mark.parametrize("name", EXECUTORS)
+def test_long_runs_leave_the_same_files_whoever_drew_them(tmp_path: Path, name: str) -> None:
+    """What is not worth its room goes when it has been read."""
+    tiny, replicas, spp = SPHERES.sized(12, 9), range(2), LEAD_FACTOR * LEAD_IN
+    here, there = Store(tmp_path / "here"), Store(tmp_path / name)
+    with executor(name, 2) as workers:
+        draw(tasks_of(Tracer(), tiny, replicas, spp), workers, there)
+    handed_over = {path.name for path in there.root.rglob("*.once.exr")}
+    assert handed_over == {f"{replica}-{start}-{count}.once.exr" for replica in replicas
+                           for start, count in schedule(LEAD_IN)}
+    with Tracer().open(tiny) as renderer:
+        alone = [batch.mean for replica in replicas for batch in batches(renderer, spp, replica=replica, store=here)]
+        honest, drawn = renderer.render_batch, []
+        renderer.render_batch = lambda *batch: (drawn.append(batch), honest(*batch))[1]  # type: ignore[method-assign]
+        read = [batch.mean for replica in replicas for batch in batches(renderer, spp, replica=replica, store=there)]
+    assert drawn == []
+    np.testing.assert_array_equal(read, alone)
+    assert files(there.root) == files(here.root)
+    assert len(files(here.root)) == 2 * 3
 
 
 def test_what_is_there_is_not_drawn_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

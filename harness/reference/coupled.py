@@ -1,0 +1,354 @@
+"""The coupled oracle: Mitsuba follows the very random numbers of the tracer.
+
+Sample number k of replica r of a pixel draws the same numbers in the same order as the shader does, and makes
+directions of them by the same formulas (`harness.reference.draws`); but rays leave Mitsuba's sensor, meet Mitsuba's
+shapes, gather Mitsuba's emitters and are weighted by Mitsuba's BSDFs. Both renderers then follow the same path up to
+rounding, and the difference of their images has a variance 1e4 to 1e14 times smaller than that of either. Its
+expectation is the difference of the two means whether single paths part or not: nothing is trimmed, nothing
+conditioned on.
+
+What both share cannot show in the difference: the generator, and the directions that it is turned into. The pdf of
+`mixture` is the BSDF's own; those of the other strategies follow from its value.
+
+Where shapes move, each path sees the shutter's interval at the moment that its own number picks, as in the shader:
+Mitsuba's shapes rest, and the ray is carried to where each of them does (`_Mover`).
+
+The pieces, for whoever steps through paths instead of rendering them (all arrays are drjit's, one lane a path):
+`lanes` and `begin` give the state with which paths start; `meet` and `scatter` are the two halves of a vertex.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from harness.machine.mitsuba_runtime import use_reference_variant
+from harness.reference.draws import Draw, pixel_stream, rand, seed_sample
+from harness.reference.motion import moving_id
+from harness.reference.prepare import prepare
+from harness.samples.cost import Watch, cpu
+from harness.samples.estimate import Batch
+from harness.samples.keys import code_digest
+from harness.samples.traits import Traits
+from harness.scene import Scene, SceneFile, load
+from harness.scene.model import is_black
+from harness.scene.motion import Screw, moving, screw
+
+# Paths of one kernel: with more, Ctrl-C waits for seconds; with a quarter, launches begin to count.
+LANES = 1 << 21
+# Samples of a pixel that are added up in float32 before float64 takes over: 64 leave 2e-7 of the sum.
+BLOCK = 64
+
+
+class Lanes(NamedTuple):
+    """Which paths a kernel follows: pixels from the left and from the bottom, sample numbers; mi.UInt32 all."""
+
+    x: Any
+    y: Any
+    sample: Any
+
+
+class Begun(NamedTuple):
+    """Paths before their first vertex: the generator's state as it was seeded and after the draws so far, the ray of
+    the camera, the numbers for film and lens, and the moment (open … close of the shutter)."""
+
+    seed: Any
+    state: Any
+    ray: Any
+    film: Any
+    lens: Any
+    moment: Any
+
+
+@dataclass
+class Met:
+    """What a ray met: Mitsuba's interaction `si`, of a shape that moves where it rests; `emitted`, the radiance that
+    the ray gathers; `normal`, on the side that the ray came from, world space; and the pose that carries a shape at
+    rest to where it is (`turn`, a Matrix3f, and `shift`, None both where nothing moves)."""
+
+    si: Any
+    emitted: Any
+    normal: Any
+    turn: Any
+    shift: Any
+
+
+class Scattered(NamedTuple):
+    """Where a path goes on: the direction, the weight f cos / pdf, the ray that follows, the state after the draws."""
+
+    direction: Any
+    weight: Any
+    ray: Any
+    state: Any
+
+
+class CoupledRenderer:
+    """Renders batches of one scene with one strategy: those of the tracer's random numbers, by Mitsuba.
+
+    The same (replica, start, count) as the tracer's gives the same paths; see the module. Kernels do not depend on
+    replica, sample range or depth.
+    """
+
+    traits = Traits()
+
+    def __init__(self, scene: SceneFile, strategy: str) -> None:
+        """Instantiate the scene. SceneError for a scene outside our tracer's
+        subset: it has no paths to follow there."""
+        self.reading: Scene = load(scene)
+        self.scene = scene
+        self.strategy = strategy
+        self.draw = Draw(strategy, any(not is_black(shape.material.ks) for shape in self.reading.shapes))
+        self.mi = use_reference_variant()
+        whole = prepare(scene).scene
+        self.sensor = whole.sensors()[0]
+        self.shapes = whole.shapes()
+        self._still, self._movers = self._parted(whole) if moving(self.reading) else (whole, [])
+
+    def _parted(self, whole: Any) -> tuple[Any, list[_Mover]]:
+        """The scene taken apart: what rests, and each shape that moves in a scene of its own."""
+        indices = {moving_id(index): index for index in moving(self.reading)}
+        # Into a scene shapes go by names that become their ids: they are told apart before.
+        resting, movers = [], {}
+        for shape in whole.shapes():
+            if shape.id() in indices:
+                movers[indices[shape.id()]] = shape
+            else:
+                resting.append(shape)
+        if (environment := whole.environment()) is not None:
+            resting.append(environment)
+        motions = {index: self.reading.shapes[index].motion for index in movers}
+        return _scene(self.mi, resting), [_Mover(screw(motion), _scene(self.mi, [movers[index]]))
+                                          for index, motion in motions.items() if motion]
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """What a batch depends on besides replica and sample range, for the store."""
+        return {
+            "renderer": "coupled",
+            "scene": self.reading.content_hash,
+            "strategy": self.strategy,
+            "max_depth": str(self.reading.max_depth),
+            "mitsuba": metadata.version("mitsuba"),
+            "drjit": metadata.version("drjit"),
+            "code": code_digest(__name__),
+        }
+
+    def release(self) -> None:
+        """Let go of Mitsuba's scenes: see `ReferenceRenderer.release`."""
+        del self._still, self._movers, self.shapes, self.sensor
+
+    def render_batch(self, replica: int, start: int, count: int,
+                     advance: Callable[[int], None] | None = None) -> Batch:
+        """Samples start … start+count-1 of one replica. A sample that is not finite is left out, and counted."""
+        use_reference_variant()
+        watch = Watch()
+        width, height = self.reading.width, self.reading.height
+        total = np.zeros((height, width, 3))
+        counted = np.zeros((height, width, 1))
+        for first in range(start, start + count, BLOCK):
+            samples = min(BLOCK, start + count - first)
+            rows = max(1, min(height, LANES // (width * samples)))
+            for top in range(0, height, rows):
+                part = slice(top, min(height, top + rows))
+                sums, number = self._sums(replica, first, samples, part.start, part.stop)
+                total[part] += sums
+                counted[part] += number
+            if advance is not None:
+                advance(samples)
+        mean = total / np.maximum(counted, 1)
+        rejected = count * width * height - int(counted.sum())
+        return Batch(mean.astype(np.float32), count, rejected, watch.cost(cpu()))
+
+    def _sums(self, replica: int, first: int, samples: int, top: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of radiance (rows, W, 3) of the rows from the top, and how many samples are in them (rows, W, 1)."""
+        import drjit as dr
+
+        radiance = self._trace(self.begin(self.lanes(samples, top, bottom, first), replica))
+        finite = dr.all(dr.isfinite(radiance))
+        radiance = dr.select(finite, radiance, 0)
+        ones = self.mi.Float(dr.select(finite, self.mi.Float(1), 0))
+        dr.eval(radiance, ones)  # or each sum would trace all paths anew
+        sums = [dr.block_sum(values, samples) for values in (*radiance, ones)]
+        dr.eval(sums)
+        image = np.stack([np.array(values, dtype=np.float64) for values in sums], -1)
+        image = image.reshape(bottom - top, self.reading.width, 4)
+        return image[..., :3], image[..., 3:]
+
+    def lanes(self, samples: int, top: int, bottom: int, first: int) -> Lanes:
+        """All samples of the rows from `top` to before `bottom`, counted from the image's top; samples run fastest."""
+        width, height = self.reading.width, self.reading.height
+        y, x = np.mgrid[height - 1 - top:height - 1 - bottom:-1, 0:width].astype(np.uint32)
+        sample = np.arange(first, first + samples, dtype=np.uint32)
+        arrays = (np.repeat(x.ravel(), samples), np.repeat(y.ravel(), samples), np.tile(sample, x.size))
+        return Lanes(*(self.mi.UInt32(values) for values in arrays))
+
+    def begin(self, lanes: Lanes, replica: int) -> Begun:
+        """The camera's rays: the numbers of `trace_samples` in lib/path.glsl, in its order."""
+        mi = self.mi
+        import drjit as dr
+
+        camera = self.reading.camera
+        seed = seed_sample(pixel_stream(lanes.x, lanes.y, dr.opaque(mi.UInt32, replica)), lanes.sample)
+        a, state = rand(seed)
+        b, state = rand(state)
+        film = mi.Point2f((mi.Float(lanes.x) + a) * (1.0 / self.reading.width),
+                          1.0 - (mi.Float(lanes.y) + b) * (1.0 / self.reading.height))
+        lens = mi.Point2f(0.5)
+        if camera.aperture_radius > 0:
+            c, state = rand(state)
+            d, state = rand(state)
+            lens = mi.Point2f(c, d)
+        opens, closes = camera.shutter
+        moment = mi.Float(opens)
+        if self._movers:
+            u, state = rand(state)
+            moment = opens + (closes - opens) * u
+        ray, _ = self.sensor.sample_ray(mi.Float(opens), 0.5, film, lens)
+        return Begun(seed, state, mi.Ray3f(ray), film, lens, moment)
+
+    def meet(self, ray: Any, moment: Any, active: Any) -> Met:
+        """What each ray meets at its moment."""
+        mi = self.mi
+        import drjit as dr
+
+        flags = mi.RayFlags.UV | mi.RayFlags.ShadingFrame
+        si = self._still.ray_intersect(ray, ray_flags=flags, coherent=False, active=active)
+        turn: Any = None
+        shift: Any = None
+        if self._movers:
+            turn, shift = mi.Matrix3f(1), mi.Vector3f(0)
+        for mover in self._movers:
+            pose = mover.pose(mi, moment)
+            hit = mover.scene.ray_intersect(_at_rest(mi, ray, *pose), ray_flags=flags, coherent=False, active=active)
+            nearer = hit.is_valid() & (hit.t < si.t)
+            si = dr.select(nearer, hit, si)
+            turn, shift = dr.select(nearer, pose[0], turn), dr.select(nearer, pose[1], shift)
+        emitted = si.emitter(self._still).eval(si, active)
+        normal = dr.select(si.wi.z < 0, -si.sh_frame.n, si.sh_frame.n)
+        return Met(si, emitted, normal if turn is None else turn @ normal, turn, shift)
+
+    def scatter(self, met: Met, ray: Any, state: Any, active: Any) -> Scattered:
+        """One direction from each surface met."""
+        mi = self.mi
+        import drjit as dr
+
+        alpha = p_glossy = mi.Float(0)
+        if self.draw.needs_lobe:
+            bsdf = met.si.bsdf()
+            lobe = bsdf.eval_attribute_3("lobe", met.si, active)
+            alpha, p_glossy = lobe.x, lobe.y
+            if not self.draw.chooses:  # a BSDF without a lobe has one of exponent 1 here, as in the shader
+                alpha = dr.select(bsdf.has_attribute("lobe", active), alpha, 1.0)
+        direction, glossy, after = self.draw.direction(met.normal, -ray.d, alpha, p_glossy, state)
+        return Scattered(direction, self.weight(met, direction, glossy, p_glossy, alpha, active),
+                         self.leave(met, direction), after)
+
+    def weight(self, met: Met, direction: Any, glossy: Any, p_glossy: Any, alpha: Any, active: Any) -> Any:
+        """f cos / pdf of a direction: the value is Mitsuba's, the pdf that of the strategy (of `mixture`: the BSDF's
+        own)."""
+        mi = self.mi
+        import drjit as dr
+
+        bsdf, context = met.si.bsdf(), mi.BSDFContext()
+        wo = met.si.to_local(_turned_back(direction, met.turn))
+        if self.draw.strategy == "uniform":
+            return bsdf.eval(context, met.si, wo, active) * dr.two_pi
+        if self.draw.by_cosine:
+            # Of a surface with two sides both cosines may be negative; the BSDF knows which sides count.
+            return _ratio(bsdf.eval(context, met.si, wo, active) * dr.pi, dr.abs(mi.Frame3f.cos_theta(wo)))
+        if self.draw.strategy == "lobes":
+            parts = []
+            for kind, chance in ((mi.BSDFFlags.DiffuseReflection, 1.0 - p_glossy),
+                                 (mi.BSDFFlags.GlossyReflection, p_glossy)):
+                context = mi.BSDFContext()
+                context.type_mask = kind
+                value, pdf = bsdf.eval_pdf(context, met.si, wo, active)
+                parts.append(_ratio(value, chance * pdf))
+            return dr.select(glossy, parts[1], parts[0])
+        if self.draw.strategy == "phong":
+            # By the lobe alone, whatever the BSDF would draw by.
+            return _ratio(bsdf.eval(context, met.si, wo, active), _lobe_pdf(mi.reflect(met.si.wi), wo, alpha))
+        return _ratio(*bsdf.eval_pdf(context, met.si, wo, active))
+
+    def leave(self, met: Met, direction: Any) -> Any:
+        """The ray that leaves a surface, lifted off it as Mitsuba does."""
+        ray = met.si.spawn_ray(_turned_back(direction, met.turn))
+        if met.turn is not None:
+            ray.o = self.mi.Point3f(met.turn @ ray.o + met.shift)
+            ray.d = direction
+        return ray
+
+    def _trace(self, begun: Begun) -> Any:
+        """Radiance of every path."""
+        mi = self.mi
+        import drjit as dr
+
+        deepest = dr.opaque(mi.UInt32, self.reading.max_depth)
+
+        def vertex(state: Any, ray: Any, moment: Any, throughput: Any, radiance: Any, depth: Any, active: Any) -> Any:
+            met = self.meet(ray, moment, active)
+            radiance = dr.fma(throughput, met.emitted, radiance)
+            depth = depth + 1
+            active = active & met.si.is_valid() & (depth < deepest)
+            to = self.scatter(met, ray, state, active)
+            throughput = throughput * to.weight
+            return to.state, to.ray, moment, throughput, radiance, depth, active & dr.any(throughput != 0)
+
+        loop = (begun.state, begun.ray, begun.moment, mi.Spectrum(1), mi.Spectrum(0), mi.UInt32(0), mi.Bool(True))
+        return dr.while_loop(loop, lambda *loop: loop[-1], vertex, label="coupled")[4]
+
+
+@dataclass(frozen=True, eq=False)
+class _Mover:
+    """A shape that moves: its screw motion, and a scene in which it rests alone."""
+
+    steady: Screw
+    scene: Any
+
+    def pose(self, mi: Any, moment: Any) -> tuple[Any, Any]:
+        """Where it has come to at each moment, as `Screw.pose` has it: a Matrix3f and a Vector3f."""
+        import drjit as dr
+
+        turned = moment * self.steady.angle
+        sine, versine = dr.sin(turned), 2.0 * dr.square(dr.sin(0.5 * turned))
+        x, y, z = (float(value) for value in self.steady.axis)
+        across = mi.Matrix3f([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        along_sine, along_versine = (mi.Vector3f(*map(float, part)) for part in self.steady.swing)
+        turn = mi.Matrix3f(1) + sine * across + versine * (across @ across)
+        return turn, moment * mi.Vector3f(*map(float, self.steady.slide)) + sine * along_sine + versine * along_versine
+
+
+def _scene(mi: Any, parts: list[Any]) -> Any:
+    return mi.load_dict({"type": "scene", **{f"part {number}": part for number, part in enumerate(parts)}})
+
+
+def _at_rest(mi: Any, ray: Any, turn: Any, shift: Any) -> Any:
+    back = turn.T
+    carried = mi.Ray3f(ray)
+    carried.o, carried.d = mi.Point3f(back @ (mi.Vector3f(ray.o) - shift)), back @ ray.d
+    return carried
+
+
+def _turned_back(direction: Any, turn: Any) -> Any:
+    return direction if turn is None else turn.T @ direction
+
+
+def _lobe_pdf(axis: Any, wo: Any, alpha: Any) -> Any:
+    """cos^α about `axis`, normalised; 0 behind it, where a power would be NaN."""
+    import drjit as dr
+
+    cosine = dr.dot(axis, wo)
+    ahead = cosine > 0
+    return dr.select(ahead, (alpha + 1) * (0.5 * dr.inv_pi) * dr.power(dr.select(ahead, cosine, 1), alpha), 0)
+
+
+def _ratio(value: Any, by: Any) -> Any:
+    """value / by, zero where `by` is."""
+    import drjit as dr
+
+    positive = by > 0
+    return dr.select(positive, value / dr.select(positive, by, 1), 0)
