@@ -1,22 +1,19 @@
-"""The benchmark: tracer and Mitsuba, or tracer and tracer, interleaved on the same cores in one run, by CPU time."""
+"""The benchmark: tracer and Mitsuba, or tracer and tracer, interleaved in one run, by their devices' clocks."""
 
 from __future__ import annotations
 
-import json
 import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-from harness.errors import StoreError
 from harness.estimators.base import Estimator, Renderer
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
-from harness.files import write_atomically
 from harness.progress import Progress, quiet
 from harness.results import BenchRow
+from harness.samples import json
 from harness.samples.estimate import Accumulator
 from harness.scene import SceneFile
 from harness.work.provenance import versions
@@ -39,7 +36,7 @@ class Case:
     scene: str
     strategy: str
     opponent: str
-    needed: float  # ratio of samples per CPU second that the design asks for
+    needed: float  # ratio of samples per second that the design asks for
 
 
 # `path` samples light sources as well; `bsdf_path` is the tracer's own algorithm written as a Mitsuba integrator.
@@ -65,8 +62,8 @@ class _Lane:
         self._renderer = renderer
         self._pixels = pixels
         self._samples = Accumulator()
-        self.cpu: list[float] = []   # samples per CPU second, one per round
-        self.wall: list[float] = []  # samples per second
+        self.rate: list[float] = []  # samples per second of the clock that counts, one per round
+        self.wall: list[float] = []  # samples per elapsed second
         renderer.render_batch(0, 0, PILOT_SPP)
         began = time.perf_counter()
         renderer.render_batch(0, PILOT_SPP, PILOT_SPP)
@@ -77,14 +74,14 @@ class _Lane:
         began = time.perf_counter()
         batch = self._renderer.render_batch(1, round_number * self._spp, self._spp)
         wall = time.perf_counter() - began
-        self.cpu.append(self._pixels * self._spp / batch.cost.seconds)
+        self.rate.append(self._pixels * self._spp / batch.cost.seconds)
         self.wall.append(self._pixels * self._spp / wall)
         self._samples.add(batch)
 
     def efficiency(self) -> float:
-        """1 / (variance of one sample, mean over pixels, x CPU seconds of one sample)."""
+        """1 / (variance of one sample, mean over pixels, x seconds of one sample)."""
         estimate = self._samples.estimate()
-        return statistics.median(self.cpu) / (float(estimate.variance.mean()) * estimate.samples)
+        return statistics.median(self.rate) / (float(estimate.variance.mean()) * estimate.samples)
 
 
 def run(cases: Sequence[Case] = CASES, rounds: int = 7, progress: Progress = quiet) -> list[BenchRow]:
@@ -105,11 +102,11 @@ def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Bench
             ours.measure(number)
             theirs.measure(number)
             advance(1)
-    ratios = [a / b for a, b in zip(ours.cpu, theirs.cpu, strict=True)]
+    ratios = [a / b for a, b in zip(ours.rate, theirs.rate, strict=True)]
     walls = [a / b for a, b in zip(ours.wall, theirs.wall, strict=True)]
     return BenchRow(
         **asdict(case),
-        tracer_rate=statistics.median(ours.cpu) / 1e6, opponent_rate=statistics.median(theirs.cpu) / 1e6,
+        tracer_rate=statistics.median(ours.rate) / 1e6, opponent_rate=statistics.median(theirs.rate) / 1e6,
         ratio=statistics.median(ratios), low=min(ratios), high=max(ratios), wall_ratio=statistics.median(walls),
         efficiency_ratio=ours.efficiency() / theirs.efficiency())
 
@@ -123,21 +120,10 @@ def _opponent(case: Case) -> Estimator:
 
 def save(rows: Sequence[BenchRow], path: Path) -> None:
     """Write the rows and the versions they were measured with as JSON, for the report."""
-    with write_atomically(path) as partial:
-        content = {"rows": [asdict(row) for row in rows], "versions": versions()}
-        partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    json.save(path, {"rows": list(rows), "versions": versions()})
 
 
 def load(path: Path) -> list[BenchRow]:
     """The rows that `save` wrote; StoreError where the file is not one."""
-    try:
-        return [_row(held) for held in json.loads(path.read_text(encoding="utf-8"))["rows"]]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise StoreError(f"{path}: not a benchmark result ({type(error).__name__}: {error}); run `harness bench` again"
-                         ) from None
-
-
-def _row(held: Mapping[str, Any]) -> BenchRow:
-    values: dict[str, Any] = {field.name: (str if field.type == "str" else float)(held[field.name])
-                              for field in fields(BenchRow)}
-    return BenchRow(**values)
+    return json.load(path, lambda held: [json.built(BenchRow, row) for row in held["rows"]],
+                     what="a benchmark result", mend="run `harness bench` again")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -15,31 +16,85 @@ from harness.stats.convergence import Slope
 from harness.stats.findings import Tiles
 
 
+@dataclass(frozen=True)
+class Record:
+    """A row of a study's table: one number, and beside it all that it depends on.
+
+    `scene`: the file's name; `parameters`: its values for the file's `<default>`s, as (name, value). `estimator`: a
+    strategy, or what else was studied. `replica`: None where the number is of all replicas together. `samples`: per
+    pixel, all that went into it. `quantity`: a metric's name (see `harness.metrics`), or 'slope',
+    'smallest_detectable', 'seconds_per_spp', 'rejected' (samples of the whole image). `channel`: empty where it is of
+    all. `low`, `high`: the interval, at the confidence of the study's verdicts; None where there is none. `n`: how many
+    independent replicas it stands on. `device`: what drew the samples; empty where several did.
+    """
+
+    scene: str
+    parameters: tuple[tuple[str, str], ...]
+    estimator: str
+    replica: int | None
+    samples: int
+    quantity: str
+    channel: str
+    value: float
+    low: float | None
+    high: float | None
+    n: int
+    device: str
+
+
+SECONDS, REJECTED = "seconds_per_spp", "rejected"
+
+
 @dataclass(frozen=True, eq=False)
 class StrategyResult:
-    """One strategy on one scene. R replicas, P prefixes of each run.
+    """One strategy on one scene: rows of the study's table, and what is judged from them. R replicas, P prefixes.
 
-    `spp`: (P,) samples per pixel of each prefix. `curves`: by name each metric of `harness.metrics` that is measured
-    at prefixes, (R, P), of each replica's prefix against the reference. `estimate` merges all replicas; `scores`: by
-    name every other metric, of that merged estimate. `seconds_per_spp`: for one
-    sample per pixel of the whole image, the median over batches, by the clock that counts on `device`; NaN where the
-    batches come from several. `suits` is False where the
-    strategy cannot reach some light (then `warning` says which), and its verdict does not count against the tracer.
-    `verdict` is that on the image's mean, `tiles` those on its parts.
+    `measured`: every number that was measured, see `studies.table.measured`; `spp`, `curves`, `scores`,
+    `seconds_per_spp` and `device` are views of it. `estimate` merges all replicas. `suits` is False where the strategy
+    cannot reach some light (then `warning` says which), and its verdict does not count against the tracer. `verdict` is
+    that on the image's mean, `tiles` those on its parts.
     """
 
     strategy: str
     suits: bool
     warning: str
-    spp: np.ndarray
-    curves: Mapping[str, np.ndarray]
-    scores: Mapping[str, float]
+    measured: tuple[Record, ...]
     estimate: Estimate
     verdict: MeanErrorVerdict
     tiles: Tiles
     slope: Slope | None  # None where the strategy has no variance to converge from
-    seconds_per_spp: float
-    device: str
+
+    @cached_property
+    def spp(self) -> np.ndarray:
+        """(P,) samples per pixel of each prefix."""
+        return np.array(sorted({row.samples for row in self.measured if row.replica is not None}))
+
+    @cached_property
+    def curves(self) -> Mapping[str, np.ndarray]:
+        """By name each metric that is measured at prefixes, (R, P), of each replica's prefix against the reference."""
+        points: dict[str, dict[int, list[tuple[int, float]]]] = {}
+        for row in self.measured:
+            if row.replica is not None:
+                points.setdefault(row.quantity, {}).setdefault(row.replica, []).append((row.samples, row.value))
+        return {name: np.array([[value for _, value in sorted(curve, key=lambda point: point[0])]
+                                for _, curve in sorted(replicas.items())]) for name, replicas in points.items()}
+
+    @cached_property
+    def scores(self) -> Mapping[str, float]:
+        """By name every other metric, of the merged estimate."""
+        return {row.quantity: row.value for row in self.measured
+                if row.replica is None and row.quantity not in (SECONDS, REJECTED)}
+
+    @property
+    def seconds_per_spp(self) -> float:
+        """For one sample per pixel of the whole image, the median over batches, by the clock that counts on `device`;
+        NaN where the batches come from several."""
+        return next(row.value for row in self.measured if row.quantity == SECONDS)
+
+    @property
+    def device(self) -> str:
+        """What drew the samples; empty where several did."""
+        return self.measured[0].device
 
     @property
     def outcome(self) -> Outcome:
@@ -250,11 +305,12 @@ class Exhibit:
 
 @dataclass(frozen=True)
 class BenchRow:
-    """A measured case of `harness bench`. Rates in million samples (paths) per CPU second, medians over the rounds.
+    """A measured case of `harness bench`. Rates in million samples (paths) per second, medians over the rounds, by the
+    clock that counts on the device (`samples.cost.Cost.seconds`).
 
     `ratio`: tracer's rate over the opponent's, the median of the rounds' own ratios, `low` and `high` their extremes.
-    `wall_ratio`: the same by elapsed time. `efficiency_ratio`: of 1 / (variance x CPU time), so it also counts how
-    noisy a sample is: how much faster the tracer reaches the same error.
+    `wall_ratio`: the same by elapsed time. `efficiency_ratio`: of 1 / (variance x time), so it also counts how noisy a
+    sample is: how much faster the tracer reaches the same error.
     """
 
     scene: str

@@ -1,5 +1,6 @@
 // Mitsuba's perspective camera and its thin lens: +z forward, +x left, +y up in camera space. The generated scene defines
-// CAMERA_ORIGIN, CAMERA_LEFT, CAMERA_UP, CAMERA_FORWARD, CAMERA_TAN (half extents at distance 1),
+// CAMERA_START (the middle of the near plane; from the camera's own place, sums of near-plane distances lose the digits that
+// a distant camera's rays need), CAMERA_LEFT, CAMERA_UP, CAMERA_FORWARD, CAMERA_TAN (half extents at distance 1),
 // CAMERA_OFFSET (principal point), CAMERA_NEAR and CAMERA_FAR (planes at those depths); and where HAS_LENS is 1,
 // CAMERA_APERTURE (radius of the lens) and CAMERA_FOCUS (depth of the plane that is sharp).
 #ifndef LIB_CAMERA
@@ -15,7 +16,7 @@ void camera_ray(vec2 film, out vec3 o, out vec3 d, out float reach)
     d = plane.x * CAMERA_LEFT + plane.y * CAMERA_UP + CAMERA_FORWARD;
     float slant = length(d);  // distance per unit of depth
     d *= 1.0 / slant;  // one division: compilers make three of a vector by a scalar
-    o = CAMERA_ORIGIN + (CAMERA_NEAR * slant) * d;
+    o = CAMERA_START + CAMERA_NEAR * (plane.x * CAMERA_LEFT + plane.y * CAMERA_UP);
     reach = (CAMERA_FAR - CAMERA_NEAR) * slant;
 }
 
@@ -41,7 +42,8 @@ void lens_ray(vec2 film, vec2 u, out vec3 o, out vec3 d, out float reach)
     d = plane.x * CAMERA_LEFT + plane.y * CAMERA_UP + CAMERA_FORWARD;
     float slant = length(d);
     d *= 1.0 / slant;
-    o = CAMERA_ORIGIN + lens.x * CAMERA_LEFT + lens.y * CAMERA_UP + (CAMERA_NEAR * slant) * d;
+    vec2 start = lens + CAMERA_NEAR * plane;
+    o = CAMERA_START + (start.x * CAMERA_LEFT + start.y * CAMERA_UP);
     reach = (CAMERA_FAR - CAMERA_NEAR) * slant;
 }
 #endif

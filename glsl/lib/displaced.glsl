@@ -61,6 +61,9 @@ float intersect_shapes(vec3 o, vec3 d, float reach, out int id);
 
 // The outward unit normal at the last hit on a displaced sphere, of the sphere at rest.
 vec3 displaced_normal;
+// And the hit itself, of the sphere at rest too: from the foot of the ray, which rounds no more than the sphere's own size
+// asks for, where o + t d rounds as much as t does.
+vec3 displaced_point;
 
 // Distance to where the ray enters the ball around a displaced sphere: 0 from inside, NO_HIT where it passes by.
 float enter_shell(vec3 o, vec3 d, vec3 center, float radius)
@@ -210,6 +213,7 @@ void step_march(vec3 d)
     if (met) {
         march.t = march.along + march.x * march.sphere.radius;
         march.id = march.current;
+        displaced_point = march.sphere.center + march.sphere.radius * (march.foot + march.x * d);
         vec3 gradient = here.slope * here.gradient;
         displaced_normal = normalize(e - (gradient - dot(gradient, e) * e) * per_rho);
     }

@@ -92,6 +92,15 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
             rest = to_rest(id, p);
 #endif
             vec3 n = surface_normal(id, rest);
+#if HAS_PROJECTION
+            vec3 met = project_hit(id, rest, n);
+#if HAS_MOTION
+            p += from_rest(id, met - rest);
+#else
+            p = met;
+#endif
+            rest = met;
+#endif
             vec2 uv = surface_uv(id, rest);
 #if HAS_MOTION
             n = from_rest(id, n);

@@ -22,6 +22,24 @@ float hit_sphere(vec3 o, vec3 d, vec3 center, float radius)
     return discriminant >= 0.0 && t > 0.0 ? t : NO_HIT;
 }
 
+// A sphere whose radius is large beside what is seen of it: a ground, a dome. `anchor` is a point on it, `arm` leads there
+// from the centre, and `power` is |arm|² - radius², 0 but for rounding. The power of the ray's origin, its squared distance
+// from the centre less the radius's square, comes from the way to the anchor: about the centre both are near radius², and
+// their difference is off by radius times the float32 spacing, which lets light in where balls stand on the ground.
+// And of the two roots the one that cancels is the power over the other: Haines et al., section 7.3.
+float hit_large_sphere(vec3 o, vec3 d, vec3 anchor, vec3 arm, float power)
+{
+    vec3 q = o - anchor;
+    float along = -(dot(q, d) + dot(arm, d));
+    float start = dot(q, q + 2.0 * arm) + power;
+    float discriminant = along * along - start;
+    float sum = along + (along < 0.0 ? -1.0 : 1.0) * sqrt(max(discriminant, 0.0));
+    float other = start / sum;
+    float near = min(sum, other);
+    float t = near > 0.0 ? near : max(sum, other);
+    return t > 0.0 && discriminant >= 0.0 ? t : NO_HIT;
+}
+
 // [-1,1]² in the object-space plane z = 0.
 float hit_rectangle(vec3 o, vec3 d, vec4 row_x, vec4 row_y, vec4 row_z)
 {
@@ -105,6 +123,31 @@ vec3 cube_face(vec3 p, vec4 row_x, vec4 row_y, vec4 row_z)
     vec3 a = abs(q);
     vec3 face = a.x >= a.y && a.x >= a.z ? vec3(1, 0, 0) : a.y >= a.z ? vec3(0, 1, 0) : vec3(0, 0, 1);
     return face * sign(q);
+}
+
+// How far p lies off a surface, along the normal there, to first order; where a hit is projected onto its shape.
+//
+// Of a large sphere; `per_diameter` has the side's sign.
+float large_sphere_height(vec3 p, vec3 anchor, vec3 arm, float power, float per_diameter)
+{
+    vec3 q = p - anchor;
+    return (dot(q, q + 2.0 * arm) + power) * per_diameter;
+}
+
+// Of the face of [-1,1]³ that p lies on; `sizes` are the distances of the faces from the middle, in the world.
+float cube_height(vec3 p, vec4 row_x, vec4 row_y, vec4 row_z, vec3 sizes)
+{
+    vec3 q = vec3(dot(row_x.xyz, p) + row_x.w, dot(row_y.xyz, p) + row_y.w, dot(row_z.xyz, p) + row_z.w);
+    vec3 face = abs(cube_face(p, row_x, row_y, row_z));
+    return dot(face, abs(q) - 1.0) * dot(face, sizes);
+}
+
+// Of the cylinder: its equation's left side over the length of its gradient.
+float cylinder_height(vec3 p, vec4 row_x, vec4 row_y)
+{
+    vec2 q = vec2(dot(row_x.xyz, p) + row_x.w, dot(row_y.xyz, p) + row_y.w);
+    vec3 gradient = q.x * row_x.xyz + q.y * row_y.xyz;
+    return 0.5 * (dot(q, q) - 1.0) * inversesqrt(dot(gradient, gradient));
 }
 
 #endif

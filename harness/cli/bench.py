@@ -18,7 +18,8 @@ def bench(
     device: DeviceOption = None,
     json: JsonOption = False,
 ) -> int:
-    """Measure the tracer's speed against Mitsuba's, and what features cost, interleaved, by CPU time.
+    """Measure the tracer's speed against Mitsuba's, and what features cost, interleaved, by the clock of each
+    one's device: CPU time, or the GPU's own.
 
     Exit status 1 when a median ratio misses what the design needs.
 
@@ -36,7 +37,7 @@ def bench(
         print_json({"rows": rows, "output": output})
     else:
         table = Table(box=None, pad_edge=False)
-        for heading in ("scene", "strategy", "against", "Ms/CPU s", "other", "ratio", "spread", "needed",
+        for heading in ("scene", "strategy", "against", "Ms/s", "other", "ratio", "spread", "needed",
                         "wall ratio", "efficiency"):
             table.add_column(heading, justify="left" if heading in ("scene", "strategy", "against") else "right")
         for row in rows:

@@ -15,6 +15,7 @@ from harness.cli.options import (
     CacheOption,
     ConfidenceOption,
     DepthOption,
+    DeviceOption,
     SizeOption,
     ToleranceOption,
     warn_of_other_scene,
@@ -56,6 +57,7 @@ def compare(
     size: SizeOption = None,
     max_depth: DepthOption = None,
     cache: CacheOption = True,
+    device: DeviceOption = None,
     tolerance: ToleranceOption = 0.002,
     confidence: ConfidenceOption = 0.95,
     exposure: Annotated[float | None, typer.Option(min=-MAX_EXPOSURE, max=MAX_EXPOSURE, help="Stops, for the display "

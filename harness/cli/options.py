@@ -138,8 +138,8 @@ def warn_of_other_scene(scene_hash: object, facts: Mapping[str, object], path: P
 
 def not_finite(samples: int) -> str:
     """What to say of samples that a renderer rejected."""
-    return (f"samples that were not finite and were left out: {samples}; look for a division by zero, "
-            "or a root or power of a negative number")
+    return (f"samples that were not finite and were left out: {samples}; look for a division by zero, a "
+            "root or power of a negative number, or a random number that is exactly 0 or 1 (log(u), 1 - u)")
 
 
 def require_memory(file: SceneFile) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -146,8 +147,7 @@ def _render(estimator: Estimator, file: SceneFile, target: Path, asked: Asked, l
     if asked.json:
         print_json({"output": target, **facts, "size": [width, height], **_numbers(result)})
     else:
-        print(f"{target}: {width} x {height}, {asked.spp} spp, {_speed(result):.3g} million samples a "
-              f"{result.cost.clock.upper()} second")
+        print(f"{target}: {width} x {height}, {asked.spp} spp, {_speed(result)}")
 
 
 def _numbers(result: Estimate) -> dict[str, Any]:
@@ -159,6 +159,11 @@ def _numbers(result: Estimate) -> dict[str, Any]:
     }
 
 
-def _speed(result: Estimate) -> float:
+def _speed(result: Estimate) -> str:
+    """Samples of the whole image by the clock that counts; batches of several devices have no common one."""
+    seconds = result.cost.seconds
+    if not math.isfinite(seconds):
+        return "speed unknown: its samples were drawn on several devices, or nobody measured them"
     height, width = result.mean.shape[:2]
-    return width * height * result.samples / max(result.cost.seconds, 1e-9) / 1e6
+    rate = width * height * result.samples / max(seconds, 1e-9) / 1e6
+    return f"{rate:.3g} million samples a {result.cost.clock.upper()} second"

@@ -126,7 +126,8 @@ def _open_reference(path: Path, scene: Scene) -> Estimate:
 
 def _as_json(result: StudyResult) -> dict[str, Any]:
     return {
-        "scene": result.scene, "scene_hash": result.scene_hash, "reference": result.reference_kind,
+        "scene": result.scene, "parameters": dict(result.strategies[0].measured[0].parameters),
+        "scene_hash": result.scene_hash, "reference": result.reference_kind,
         "provenance": result.provenance, "notes": result.notes,
         "strategies": [{
             "strategy": item.strategy, "suits": item.suits, "warning": item.warning, "spp": item.spp,

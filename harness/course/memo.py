@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from harness.course.collection import measure_exhibits
 from harness.course.storage import WORDS_FILE, load_exhibits, save_exhibits
+from harness.course.texts import TEXTS_FILE
 from harness.files import cache_dir, data_dir
 from harness.progress import Progress, quiet
 from harness.results import Exhibit
@@ -17,7 +18,7 @@ from harness.work.provenance import versions
 def remembered_exhibits(store: Store | None, *, warn: Warn,
                         progress: Progress = quiet) -> tuple[tuple[Exhibit, ...], bool]:
     """The handout's errors, and whether they were measured now; `warn` is told of damaged ones, measured again."""
-    key = {"code": code_digest(__name__), "glsl": glsl_digest(),
+    key = {"code": code_digest(__name__), "glsl": glsl_digest(), "texts": TEXTS_FILE.read_text(encoding="utf-8"),
            "scenes": folder_digest(data_dir("mitsuba_scenes"), ".xml", ".png", ".exr"), **versions()}
     return remembered(cache_dir() / "exhibits" / digest(key, 24), WORDS_FILE, load=load_exhibits,
                       make=lambda: measure_exhibits(store, progress), save=save_exhibits, warn=warn,

@@ -20,6 +20,7 @@ from harness.errors import HarnessError
 from harness.progress import Advance
 from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
+from harness.samples.keys import digest
 from harness.samples.readers import read_image
 from harness.samples.traits import Traits
 from harness.scene.file import SceneFile
@@ -118,7 +119,7 @@ class CommandRenderer:
         self._hash = scene.hash
         asked = command.takes_depth(scene) == ""
         self._depth = (scene.depth or UNBOUNDED) if asked else UNBOUNDED
-        self._first: tuple[int, np.ndarray] | None = None
+        self._seen: dict[str, int] = {}  # seeds by the image that they gave
 
     @property
     def identity(self) -> dict[str, str]:
@@ -155,13 +156,12 @@ class CommandRenderer:
         return Batch(np.where(finite[..., None], image, 0).astype(np.float32), count, rejected, cost)
 
     def _require_another(self, seed: int, image: np.ndarray) -> None:
-        """Two seeds that give one image, unless it is without noise at all."""
-        if self._first is None:
-            self._first = seed, image
-        elif seed != self._first[0] and np.array_equal(image, self._first[1], equal_nan=True):
-            raise self._error(f"gave the same image for seeds {self._first[0]} and {seed}, so its runs cannot be told "
-                              "apart; let the seed reach its random numbers (an image without noise: keep one file, "
-                              "and compare that)")
+        """Any two seeds that give one image, unless it is without noise at all."""
+        other = self._seen.setdefault(digest(image), seed)
+        if other != seed:
+            raise self._error(f"gave the same image for seeds {other} and {seed}, so its runs cannot be told apart; "
+                              "let the seed reach its random numbers (an image without noise: keep one file, and "
+                              "compare that)")
 
     def _run(self, seed: int, spp: int, out: Path) -> None:
         values = {"scene": self._scene.path, "spp": spp, "seed": seed, "out": out, "width": self._film.width,
@@ -192,15 +192,20 @@ class CommandRenderer:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program and all that it started; one that does not listen is killed."""
-    for number in (signal.SIGTERM, signal.SIGKILL):
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, number)
+    """End a program and all that it started; what does not listen is killed, at once where Ctrl-C is pressed again."""
+    try:
+        _signal_all(process, signal.SIGTERM)
         with suppress(subprocess.TimeoutExpired):
             process.wait(GRACE)
-            if number == signal.SIGTERM:
-                continue  # its children may be left
-            return
+    finally:
+        _signal_all(process, signal.SIGKILL)  # its children may be left, whether it listened or not
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(GRACE)
+
+
+def _signal_all(process: subprocess.Popen[bytes], number: signal.Signals) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, number)
 
 
 def _last_line(said: object) -> str:

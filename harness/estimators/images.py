@@ -76,9 +76,9 @@ class StoredRuns:
         _require_distinct(self.files)
         self.images = tuple(_read_all(self.files))
         _require_one_size(self.files, [image.pixels for image in self.images])
-        self.warnings = require_independent([str(file) for file in self.files],
-                                            [image.pixels for image in self.images])
         self._samples = [image.spp for image in self.images]
+        self.warnings = require_independent([str(file) for file in self.files],
+                                            [image.pixels for image in self.images], self._samples)
         known = all(self._samples)
         spp = self._samples[0] if known and len(set(self._samples)) == 1 else 1
         self.traits = Traits(streams="runs", counts=False, replicas=len(self.files), spp=spp,

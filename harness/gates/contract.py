@@ -39,8 +39,8 @@ def remark(verdict: TileVerdict, run: Run) -> str:
     ratios = 1 + verdict.error[0, 0]
     for samples in sorted({run.spp, *(most for most in (MAX_SAMPLES_PER_PASS, FLUSH_SAMPLES) if most < run.spp)}):
         if samples > 2 and run.renderer.traits.counts and bool((np.abs(ratios * samples - 1) < NEAR).all()):
-            return (f"; {signed_percent(verdict.error[0, 0, Channel.LUMINANCE])} is 1/{samples} - 1, as where a mean is "
-                    "stored for a sum: pingpong0's rgb is the sum of all samples' radiance, alpha their number")
+            return (f"; {signed_percent(verdict.error[0, 0, Channel.LUMINANCE])} is 1/{samples} - 1, as where a mean "
+                    "is stored for a sum: pingpong0's rgb is the sum of all samples' radiance, alpha their number")
     return ""
 
 
@@ -60,8 +60,8 @@ def _uncounted(rejected: int, drawn: int, counts: bool) -> str:
         return (f"{found}, or not counted in alpha; to what pingpong0 holds (nothing at numpass 0) each of "
                 "samples_per_pass samples must add its radiance, and 1 to alpha: one sample a pass is too few, a mean "
                 "or a share is no count")
-    return (f"{found}, or not counted in alpha; {look}; where samples are left out on purpose (adaptive sampling, paths "
-            "that are given up) each counts in alpha all the same, with the radiance that it has")
+    return (f"{found}, or not counted in alpha; {look}; where samples are left out on purpose (adaptive sampling, "
+            "paths that are given up) each counts in alpha all the same, with the radiance that it has")
 
 
 def _repeated(run: Run) -> str:

@@ -114,12 +114,12 @@ class Program:
                 member.value = value
 
     @property
-    def uniforms(self) -> set[str]:
+    def uniforms(self) -> frozenset[str]:
         """Names of the uniforms and blocks that the picture depends on; an array or a structure has one name."""
         kinds = moderngl.Uniform, moderngl.UniformBlock, moderngl.StorageBlock
         members = {name: self._program[name] for name in self._program}
-        return {re.split(r"[.\[]", name)[0] for name, member in members.items()
-                if isinstance(member, kinds) and not name.startswith("gl_")}
+        return frozenset(re.split(r"[.\[]", name)[0] for name, member in members.items()
+                         if isinstance(member, kinds) and not name.startswith("gl_"))
 
     def draw(self) -> None:
         """Draw into the framebuffer in use."""

@@ -86,9 +86,9 @@ class PingPong:
             first, *others = unset
             where = declared[first].where if first in declared else self._source.files[0][0]
             also = f" ({', '.join(others)} neither)" if others else ""
-            raise ShaderError(f"{where}: nothing sets the uniform '{first}'{also}, so the image is arbitrary; give it a "
-                              "value where it is declared, or make it a constant (textures of one's own cannot be "
-                              f"bound); the harness sets {', '.join(known)}")
+            raise ShaderError(f"{where}: nothing sets the uniform '{first}'{also}, so the image is arbitrary; give it "
+                              "a value where it is declared, or make it a constant (textures of one's own cannot "
+                              f"be bound); the harness sets {', '.join(known)}")
 
     def _accumulate(self, replica: int, first: int, samples: int,
                     advance: Callable[[float], None] | None) -> np.ndarray:

@@ -21,10 +21,11 @@ from harness.files import cache_dir, require_writable
 from harness.machine.mitsuba_runtime import find_llvm
 
 DISTRIBUTION = "glsl-validation-harness"
-OLDEST_PYTHON = (3, 11)
 LEAST_MEMORY = 3 * 2**30  # bytes: 2 GB for the largest command (DESIGN), and room for the system
 # Seconds for a probe to answer; a cold shader or kernel cache needs about two, a loaded machine many more.
 _PROBE_TIMEOUT = 120
+# The same for each EGL device after OpenGL was tried: one that hangs should not keep the others waiting for long.
+_DEVICE_TIMEOUT = 20
 _GIB = 2**30
 MAX_DEVICES = 16  # of EGL, that are looked for
 # Where Linux tells a container's limit: control groups version 2, and version 1.
@@ -119,7 +120,7 @@ def check_devices() -> Check:
     used = os.environ.get("HARNESS_GL_DEVICE", "").strip() or "0"
     lines: list[str] = []
     for index in range(MAX_DEVICES):
-        answer = _probe(_GL_PROBE, {"HARNESS_GL_DEVICE": str(index)})
+        answer = _probe(_GL_PROBE, {"HARNESS_GL_DEVICE": str(index)}, timeout=_DEVICE_TIMEOUT)
         if isinstance(answer, str) and "there is no EGL device" in answer:
             break
         told = answer if isinstance(answer, str) else f"{answer[0]} ({'software' if answer[2] else 'hardware'})"
@@ -193,14 +194,19 @@ def _metadata() -> metadata.PackageMetadata:
     return metadata.metadata(DISTRIBUTION)
 
 
-def _probe(program: str, environment: Mapping[str, str] | None = None) -> list[Any] | str:
-    """What `program` prints as JSON, or one line on how it failed: a driver may take the whole process with it."""
+def _probe(program: str, environment: Mapping[str, str] | None = None, *,
+           timeout: float | None = None) -> list[Any] | str:
+    """What `program` prints as JSON, or one line on how it failed: a driver may take the whole process with it.
+
+    `timeout`: seconds that it may take, _PROBE_TIMEOUT where None.
+    """
+    limit = timeout or _PROBE_TIMEOUT
     try:
         done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True,
-                              errors="replace", timeout=_PROBE_TIMEOUT, stdin=subprocess.DEVNULL,
+                              errors="replace", timeout=limit, stdin=subprocess.DEVNULL,
                               env={**os.environ, **(environment or {})})
     except subprocess.TimeoutExpired:
-        return f"no answer within {_PROBE_TIMEOUT} s"
+        return f"no answer within {limit:g} s"
     if done.returncode < 0:
         return f"crashed with signal {-done.returncode}: {_last_line(done.stderr)}"
     if done.returncode > 0:

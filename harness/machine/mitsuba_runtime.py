@@ -106,8 +106,8 @@ def use_reference_variant(variant: str = REFERENCE_VARIANT) -> ModuleType:
     except ImportError as error:
         raise MachineError(_explain(error)) from error
     if version[0] < OLDEST_LLVM:
-        raise MachineError(f"drjit runs on LLVM {version[0]}, which is older than {OLDEST_LLVM}, and keeps what it found "
-                           "when it was imported; import harness before drjit and mitsuba, or start Python with "
+        raise MachineError(f"drjit runs on LLVM {version[0]}, which is older than {OLDEST_LLVM}, and keeps what it "
+                           "found when it was imported; import harness before drjit and mitsuba, or start Python with "
                            f"{LLVM_VARIABLE}={find_llvm().path} in its environment")
     return mitsuba
 

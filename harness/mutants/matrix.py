@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from harness.errors import StoreError
-from harness.files import write_atomically
 from harness.mutants.catalogue import Mutant
 from harness.results import KillRecord, MutantRecord
+from harness.samples import json
 
 # What a gate says of a mutant. killed: it does not pass; untouched: the shader's text, or the pixels of a first batch,
 # are the same, so the gate's scene has no use for the defect; not run: a test module that is not meant for the mutant.
@@ -47,25 +45,19 @@ class KillMatrix:
 
 def save(matrix: KillMatrix, path: Path) -> None:
     """Write the matrix as JSON, for the report. StoreError where it cannot be written."""
-    with write_atomically(path) as partial:
-        partial.write_text(json.dumps(as_json(matrix), indent=1) + "\n", encoding="utf-8")
+    json.save(path, record(matrix))
 
 
 def load(path: Path) -> KillRecord:
     """What `save` wrote; StoreError where the file is not that."""
-    try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-        mutants = tuple(_mutant(each, held["gates"]) for each in held["mutants"])
-        return KillRecord(mutants=mutants, **{name: tuple(map(str, held[name]))
-                                              for name in ("gates", "survivors", "idle", "missed")})
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise StoreError(f"{path}: not a kill matrix ({type(error).__name__}: {error}); run `harness mutants` again"
-                         ) from None
+    return json.load(path, _read, what="a kill matrix", mend="run `harness mutants` again")
 
 
-def _mutant(held: Mapping[str, Any], gates: Sequence[str]) -> MutantRecord:
-    words = {name: str(held[name]) for name in ("id", "topic", "file", "imitates", "origin", "killer")}
-    return MutantRecord(states={gate: str(held["states"][gate]) for gate in gates}, **words)
+def _read(held: Any) -> KillRecord:
+    """KeyError where a mutant lacks what a gate says of it."""
+    found = json.built(KillRecord, held)
+    return replace(found, mutants=tuple(
+        replace(mutant, states={gate: mutant.states[gate] for gate in found.gates}) for mutant in found.mutants))
 
 
 def as_json(matrix: KillMatrix) -> Mapping[str, object]:

@@ -93,17 +93,20 @@ class CoupledRenderer:
     replica, sample range or depth.
     """
 
-    traits = Traits()
+    traits = Traits(repeats=False)  # as ReferenceRenderer's: the library's sums may come in any order
 
     def __init__(self, scene: SceneFile, strategy: str) -> None:
         """Instantiate the scene. SceneError for a scene outside our tracer's
         subset: it has no paths to follow there."""
-        self.reading: Scene = load(scene)
         self.scene = scene
         self.strategy = strategy
+        self._scene_hash = load(scene).content_hash  # SceneError here, where Mitsuba alone would go on
+        prepared = prepare(scene)
+        assert prepared.reading is not None, "the scene could be read"
+        self.reading: Scene = prepared.reading  # in the frame in which both renderers see it
         self.draw = Draw(strategy, any(not is_black(shape.material.ks) for shape in self.reading.shapes))
         self.mi = use_reference_variant()
-        whole = prepare(scene).scene
+        whole = prepared.scene
         self.sensor = whole.sensors()[0]
         self.shapes = whole.shapes()
         self._still, self._movers = self._parted(whole) if moving(self.reading) else (whole, [])
@@ -129,7 +132,7 @@ class CoupledRenderer:
         """What a batch depends on besides replica and sample range, for the store."""
         return {
             "renderer": "coupled",
-            "scene": self.reading.content_hash,
+            "scene": self._scene_hash,
             "strategy": self.strategy,
             "max_depth": str(self.reading.max_depth),
             "mitsuba": metadata.version("mitsuba"),

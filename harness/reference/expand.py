@@ -11,6 +11,7 @@ from harness.reference.displaced import become_mesh
 from harness.reference.lights import needs_even_sampling, properties
 from harness.reference.motion import moving_id
 from harness.scene import Scene, Shape
+from harness.scene.frame import frame_of, framed
 from harness.scene.motion import moving, screw
 from harness.scene.procedural import KINDS
 
@@ -39,6 +40,26 @@ def expand_shapes(mi: Any, state: Any, scene: Scene) -> None:
         _place_textures(mi, state, index, to_object, moves=number in moves)
         if needs_even_sampling(shape):
             _wrap_light(mi, state, index, shape, to_object, moves=number in moves)
+
+
+def move_to_frame(mi: Any, state: Any, scene: Scene) -> None:
+    """Edit the parser state of `scene`'s file in place: shapes and sensor go into its frame (`harness.scene.frame`)."""
+    frame = frame_of(scene)
+    if frame.is_own:
+        return
+    for index in _shape_nodes(mi, state):
+        _carry(mi, state.nodes[index].props, frame.matrix)
+    camera = framed(scene).camera
+    distances = {"near_clip": camera.near_clip, "far_clip": camera.far_clip, "aperture_radius": camera.aperture_radius,
+                 "focus_distance": camera.focus_distance}
+    for node in state.nodes:
+        if node.type == mi.ObjectType.Sensor:
+            taken = ("near_clip", "far_clip") if camera.aperture_radius == 0 else tuple(distances)
+            for name, value in {"to_world": mi.ScalarAffineTransform4d(camera.matrix),
+                                **{name: distances[name] for name in taken}}.items():
+                if name in node.props:
+                    del node.props[name]
+                node.props[name] = value
 
 
 def _shape_nodes(mi: Any, state: Any) -> Iterator[int]:

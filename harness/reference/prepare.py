@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +10,13 @@ from typing import Any
 
 from harness.errors import SceneError
 from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
-from harness.reference.expand import expand_shapes
+from harness.reference.expand import expand_shapes, move_to_frame
 from harness.reference.plugins import register_plugins
 from harness.scene import Film, Scene, SceneFile, load
+from harness.scene.frame import LARGEST_OFFSET, Frame, frame_of, framed
 from harness.scene.procedural import KINDS
+
+_log = logging.getLogger(__name__)
 
 # What only the harness has words for: shapes and textures that must be expanded with our reading of the scene at hand.
 OUR_PLUGINS = ("displacedsphere", *KINDS)
@@ -51,6 +55,9 @@ def prepare(file: SceneFile, variant: str = REFERENCE_VARIANT) -> Prepared:
     film, state = file.film, file.parsed()
     reading = _reading(mi, file, state)
     if reading is not None:
+        _warn_of_offset(file, frame_of(reading))
+        move_to_frame(mi, state, reading)
+        reading = framed(reading)
         expand_shapes(mi, state, reading)
     integrator, max_depth = "path", None
     for node in state.nodes:
@@ -80,6 +87,14 @@ def prepare(file: SceneFile, variant: str = REFERENCE_VARIANT) -> Prepared:
 def instantiate(file: SceneFile) -> Any:
     """The `mi.Scene` alone; see `prepare`."""
     return prepare(file).scene
+
+
+def _warn_of_offset(file: SceneFile, frame: Frame) -> None:
+    """Where no frame keeps Mitsuba's offset small beside what is seen and large beside what float32 rounds."""
+    if frame.offset > LARGEST_OFFSET:
+        _log.warning("%s: Mitsuba lifts rays off surfaces by %.1e of the width of what is seen, and may lose light on "
+                     "a sphere or cylinder so much larger than that: its image is not exact; use a smaller radius",
+                     file.path, frame.offset)
 
 
 def _refusal(file: SceneFile, message: str) -> str:

@@ -56,8 +56,8 @@ def is_kept(start: int, count: int, samples: int) -> bool:
 
 
 class Store:
-    """Batches in `root`, one EXR file each: `<2 digits>/<key>/<replica>-<start>-<count>.exr`; those that another process
-    drew, and that go when they have been read, end in `.once.exr`.
+    """Batches in `root`, one EXR file each: `<2 digits>/<key>/<replica>-<start>-<count>.exr`; those that another
+    process drew, and that go when they have been read, end in `.once.exr`.
 
     The key is a hash of a flat mapping of everything that a batch depends on besides replica and sample range; the
     mapping stands beside the batches as `key.json`. Files are replaced atomically, so any number of processes may

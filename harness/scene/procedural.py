@@ -26,7 +26,7 @@ import numpy as np
 
 from harness.scene.model import RGB, Matrix, Procedural, as_matrix
 from harness.scene.nodes import Node
-from harness.scene.noise import Arithmetic, Triple, fbm, steepest_fbm
+from harness.scene.noise import Arithmetic, Triple, fbm
 
 
 @dataclass(frozen=True)
@@ -162,13 +162,3 @@ def ramp(arithmetic: Arithmetic, t: Any, stops: tuple[float, ...]) -> tuple[Any,
         total = total + step * arithmetic.select(inside, x, arithmetic.select(x > 0, 1.0, 0.0))
         slope = slope + arithmetic.select(inside, step * steps, 0.0)
     return total, slope
-
-
-def steepest(texture: Procedural) -> float:
-    """A bound on |∇t|, so on the change of t per unit of texture space (Lipschitz)."""
-    noise = steepest_fbm(texture.octaves, texture.lacunarity, texture.gain)
-    kind = KINDS[texture.kind]
-    if kind.distortion is None:
-        return texture.frequency * noise
-    wave_slope = 1.5 / min(kind.rise, 1 - kind.rise)  # 3x² - 2x³ is steepest half way, where its slope is 3/2
-    return texture.frequency * wave_slope * (1 + abs(texture.distortion) * max(kind.grain) * noise)

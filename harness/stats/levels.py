@@ -49,16 +49,6 @@ class Looks:
         if not self.samples or self.samples[0] < 1 or (np.diff(self.samples) <= 0).any():
             raise HarnessError(f"looks must be at increasing numbers of samples, found {self.samples}")
 
-    @classmethod
-    def doubling(cls, first: int, budget: int) -> Looks:
-        """Looks at the budget, a half, a quarter of it …, none before `first` samples per pixel."""
-        if not 1 <= first <= budget:
-            raise HarnessError(f"the first look must be at 1 to {budget} samples per pixel, the budget; found {first}")
-        samples = [budget]
-        while samples[0] // 2 >= first:
-            samples.insert(0, samples[0] // 2)
-        return cls(tuple(samples))
-
     def level(self, look: int, total: float) -> float:
         """The share of the error rate `total` that look number `look`, from 0, may spend."""
         before = self.samples[look - 1] if look else 0

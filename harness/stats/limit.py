@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.stats.bias import Outcome, check_confidence, check_tolerance
+from harness.stats.bias import check_confidence
 from harness.stats.deviates import skew_interval
 
 
@@ -51,14 +51,6 @@ def limit_error(mean: np.ndarray, variance: np.ndarray, reference: np.ndarray, r
     second, third = (np.array((away**power).sum() / count**power) for power in (2, 3))
     low, high = skew_interval(np.array(value), second, third, np.array(count - 1.0), 1 - confidence)
     return LimitError(_root(value / scale), _root(float(low) / scale), _root(float(high) / scale), confidence)
-
-
-def limit_verdict(limit: LimitError, tolerance: float) -> Outcome:
-    """pass: the interval lies below the tolerance; fail: above it. HarnessError for a negative tolerance."""
-    check_tolerance(tolerance)
-    if limit.high <= tolerance:
-        return "pass"
-    return "fail" if limit.low > tolerance else "inconclusive"
 
 
 def _root(square: float) -> float:

@@ -1,31 +1,28 @@
-"""Study results on disk: one folder a study, numbers in `study.json`, images as EXR beside it."""
+"""Study results on disk: one folder a study, its table and its verdicts in `study.json`, images as EXR beside it."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from harness import metrics
 from harness.errors import StoreError
-from harness.files import write_atomically
-from harness.results import StrategyResult, StudyResult
+from harness.results import REJECTED, SECONDS, Record, StrategyResult, StudyResult
+from harness.samples import json
 from harness.samples.estimate import Estimate
 from harness.samples.exr import read_estimate, write_estimate
-from harness.stats.bias import MeanErrorVerdict, Outcome
 from harness.stats.channels import CHANNELS
-from harness.stats.convergence import Slope
-from harness.stats.findings import TileFinding, Tiles
 
 STUDY_FILE = "study.json"
-FORMAT = 4  # raised when files written before can no longer be read; 1 no tiles, 2 a field a metric, 3 no device
+# Raised when files written before can no longer be read; 1 no tiles, 2 a field a metric, 3 no device, 4 no table.
+FORMAT = 5
+COLUMNS = [field.name for field in dataclasses.fields(Record)]
 
 # `_image_name` makes these; files of other names in the folder are left alone.
 _IMAGE = re.compile(r"[a-z0-9_-]+\.[0-9a-f]{12}\.exr")
@@ -46,9 +43,13 @@ def save_study(result: StudyResult, folder: str | Path) -> None:
         path = folder / names[role]
         write_estimate(path, estimate, {"scene": result.scene, "scene_hash": result.scene_hash, "role": role,
                                         "spp": estimate.samples})
-    content = {"format": FORMAT, **_plain(result), "images": names}
-    with write_atomically(folder / STUDY_FILE) as partial:
-        partial.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    words = {field.name: getattr(result, field.name) for field in dataclasses.fields(result)
+             if field.name not in ("reference", "strategies")}
+    strategies = [{field.name: getattr(strategy, field.name) for field in dataclasses.fields(strategy)
+                   if field.name not in ("measured", "estimate")} for strategy in result.strategies]
+    rows = [[getattr(row, name) for name in COLUMNS] for strategy in result.strategies for row in strategy.measured]
+    json.save(folder / STUDY_FILE, {"format": FORMAT, **words, "strategies": strategies, "images": names,
+                                    "table": {"columns": COLUMNS, "rows": rows}}, indent=None)
     for path in folder.iterdir():
         if _IMAGE.fullmatch(path.name) and path.name not in names.values():
             path.unlink(missing_ok=True)
@@ -61,21 +62,14 @@ def load_study(folder: str | Path) -> StudyResult:
     """
     folder = Path(folder)
     path = folder / STUDY_FILE
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise StoreError(f"{path}: no such study; run 'harness study' first") from error
-    except OSError as error:
-        raise StoreError(f"{path}: cannot be read ({error.strerror}); name the folder of a saved study") from error
-    except ValueError as error:  # malformed JSON, or not UTF-8
-        raise StoreError(f"{path}: truncated or damaged; {_MEND}") from error
-    found = content.get("format") if isinstance(content, dict) else None
-    if found != FORMAT:
-        raise StoreError(f"{path}: format {found} of a study, this version reads {FORMAT}; {_MEND}")
-    try:
+
+    def read(content: Any) -> StudyResult:
+        found = content.get("format") if isinstance(content, dict) else None
+        if found != FORMAT:
+            raise StoreError(f"{path}: format {found} of a study, this version reads {FORMAT}; {_MEND}")
         return _study(folder, content)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise StoreError(f"{path}: not a study ({type(error).__name__}: {error}); {_MEND}") from error
+
+    return json.load(path, read, what="a study", mend=_MEND, missing="no such study; run 'harness study' first")
 
 
 def _image_name(role: str, estimate: Estimate) -> str:
@@ -85,24 +79,6 @@ def _image_name(role: str, estimate: Estimate) -> str:
     facts = (estimate.samples, estimate.batches, estimate.rejected, estimate.cost)
     digest.update(repr(facts).encode())
     return f"{re.sub(r'[^a-z0-9_-]', '_', role.lower())}.{digest.hexdigest()[:12]}.exr"
-
-
-def _plain(value: object) -> Any:
-    """Dataclasses, arrays and numbers as JSON values; images are left out, numbers that are not finite become text."""
-    if isinstance(value, Estimate):
-        return None
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        held = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-        return {name: _plain(each) for name, each in held.items() if not isinstance(each, Estimate)}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, Mapping):
-        return {str(name): _plain(each) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)  # 'nan', 'inf', '-inf': JSON has no numbers for them, and float() reads them back
-    return value
 
 
 def _study(folder: Path, content: Mapping[str, Any]) -> StudyResult:
@@ -117,71 +93,46 @@ def _study(folder: Path, content: Mapping[str, Any]) -> StudyResult:
             raise StoreError(f"{folder / name}: belongs to another study; {_MEND}")
         return estimate
 
-    strategies = tuple(_strategy(held, image(held["strategy"])) for held in content["strategies"])
+    rows = _rows(content["table"])
+    strategies = tuple(_strategy(held, rows, image(held["strategy"])) for held in content["strategies"])
     if not strategies:
         raise ValueError("no strategies")
-    return StudyResult(
-        scene=str(content["scene"]), description=str(content["description"]), scene_hash=str(content["scene_hash"]),
-        exposure=float(content["exposure"]), reference=image("reference"),
-        reference_kind=str(content["reference_kind"]), strategies=strategies,
-        notes=tuple(str(note) for note in content["notes"]),
-        provenance={str(name): str(value) for name, value in content["provenance"].items()})
+    return json.built(StudyResult, content, strategies=strategies, reference=image("reference"))
 
 
-def _strategy(held: Mapping[str, Any], estimate: Estimate) -> StrategyResult:
-    spp = _array(held["spp"], 1)
-    curves = {str(name): _array(values, 2) for name, values in held["curves"].items()}
-    scores = {str(name): float(value) for name, value in held["scores"].items()}
+def _strategy(held: Mapping[str, Any], rows: Sequence[Record], estimate: Estimate) -> StrategyResult:
+    """A strategy; ValueError where its rows are not what this version measures."""
+    name = held["strategy"]
+    own = tuple(row for row in rows if row.estimator == name)
+    found = json.built(StrategyResult, held, measured=own, estimate=estimate)
     known = {metric.name: metric.at_prefixes for metric in metrics.METRICS}
-    if {**dict.fromkeys(curves, True), **dict.fromkeys(scores, False)} != known:  # written before one was added
-        raise ValueError(f"{held['strategy']}: metrics {', '.join((*curves, *scores))}; this version measures "
+    if {**dict.fromkeys(found.curves, True), **dict.fromkeys(found.scores, False)} != known:  # before one was added
+        raise ValueError(f"{name}: metrics {', '.join((*found.curves, *found.scores))}; this version measures "
                          f"{', '.join(known)}")
-    shapes = {name: curve.shape for name, curve in curves.items()}
-    if len(set(shapes.values())) != 1 or curves["rmse"].shape[1] != spp.size or not curves["rmse"].size:
-        raise ValueError(f"{held['strategy']}: curves of shapes {shapes} over {spp.size} prefixes")
-    return StrategyResult(
-        strategy=str(held["strategy"]), suits=bool(held["suits"]), warning=str(held["warning"]),
-        spp=spp.astype(np.int64), curves=curves, scores=scores, estimate=estimate,
-        verdict=_verdict(held["verdict"]),
-        tiles=Tiles(_finding(held["tiles"]["coarse"]), _finding(held["tiles"]["fine"])),
-        slope=None if held["slope"] is None else _slope(held["slope"]),
-        seconds_per_spp=float(held["seconds_per_spp"]), device=str(held["device"]))
+    shapes = {name: curve.shape for name, curve in found.curves.items()}
+    if len(set(shapes.values())) != 1 or shapes["rmse"][1:] != found.spp.shape:
+        raise ValueError(f"{name}: curves of shapes {shapes} over {found.spp.size} prefixes")
+    if [row.quantity for row in own[-2:]] != [SECONDS, REJECTED]:
+        raise ValueError(f"{name}: rows without {SECONDS} and {REJECTED} at their end")
+    verdict = found.verdict
+    if any(values.shape != (4,) for values in (verdict.error, verdict.low, verdict.high, verdict.dof,
+                                               verdict.smallest_detectable)):
+        raise ValueError(f"{name}: a verdict without four channels")
+    if any(tiles.z.ndim != 2 or tiles.channel not in CHANNELS for tiles in (found.tiles.coarse, found.tiles.fine)):
+        raise ValueError(f"{name}: tiles without a map, or of an unknown channel")
+    return found
 
 
-def _verdict(held: Mapping[str, Any]) -> MeanErrorVerdict:
-    arrays = {name: _array(held[name], 1) for name in ("error", "low", "high", "dof", "smallest_detectable")}
-    if any(array.shape != (4,) for array in arrays.values()):
-        raise ValueError("a verdict without four channels")
-    return MeanErrorVerdict(outcome=_outcome(held), reason=str(held["reason"]), tolerance=float(held["tolerance"]),
-                            confidence=float(held["confidence"]), **arrays)
-
-
-def _finding(held: Mapping[str, Any]) -> TileFinding:
-    names = ("tolerance", "fail_level", "pass_level", "critical", "p", "error", "low", "high", "needed")
-    reals = {name: float(held[name]) for name in names}
-    median, hardest = (float(value) for value in held["detectable"])
-    if held["channel"] not in CHANNELS:
-        raise ValueError(f"channel {held['channel']!r}")
-    return TileFinding(outcome=_outcome(held), reason=str(held["reason"]), tile=int(held["tile"]),
-                       z=_array(held["z"], 2), x=int(held["x"]), y=int(held["y"]), channel=held["channel"],
-                       detectable=(median, hardest), **reals)
-
-
-def _outcome(held: Mapping[str, Any]) -> Outcome:
-    outcome: Outcome = held["outcome"]
-    if outcome not in ("pass", "fail", "inconclusive"):
-        raise ValueError(f"outcome {outcome!r}")
-    return outcome
-
-
-def _slope(held: Mapping[str, Any]) -> Slope:
-    reals = {name: float(held[name]) for name in ("slope", "low", "high", "confidence", "coefficient")}
-    return Slope(**reals, replicas=int(held["replicas"]), points=int(held["points"]))
-
-
-def _array(held: Sequence[Any], dimensions: int) -> np.ndarray:
-    """Nested lists as a float64 array of so many dimensions; ValueError for any other shape."""
-    array = np.array(held, dtype=np.float64)  # reads 'nan' and 'inf' too
-    if array.ndim != dimensions:
-        raise ValueError(f"an array of {array.ndim} dimensions where {dimensions} belong")
-    return cast(np.ndarray, array)
+def _rows(table: Mapping[str, Any]) -> tuple[Record, ...]:
+    """The records of a table; ValueError for other columns, or values of other types."""
+    if table["columns"] != COLUMNS:
+        raise ValueError(f"a table of the columns {table['columns']}")
+    rows = []
+    for scene, parameters, estimator, replica, samples, quantity, channel, value, low, high, n, device in table["rows"]:
+        words, counts = (scene, estimator, quantity, channel, device), (0 if replica is None else replica, samples, n)
+        if not all(type(word) is str for word in words) or not all(type(count) is int for count in counts):
+            raise ValueError(f"a row of {estimator!r} with a word or a count of another type")
+        rows.append(Record(scene, tuple((str(name), str(given)) for name, given in parameters), estimator, replica,
+                           samples, quantity, channel, float(value), None if low is None else float(low),
+                           None if high is None else float(high), n, device))  # reads 'nan' and 'inf', too
+    return tuple(rows)

@@ -36,6 +36,7 @@ from harness.studies.plan import (
     prefix_sizes,
     replicas_needed,
 )
+from harness.studies.table import measured
 from harness.work.batches import batches, equal_batches
 from harness.work.executors import Executor
 from harness.work.provenance import versions
@@ -193,7 +194,7 @@ class _Replicas:
             self.tiles.add(with_luminance(batch.mean), batch.samples)
         self.curves.append(curve)
 
-    def result(self, plan: Plan) -> StrategyResult:
+    def result(self, plan: Plan, file: SceneFile) -> StrategyResult:
         merged = self.total.estimate()
         strategy, scene, reference = self.strategy, self.scene, self.reference.estimate
         curves = {name: np.array([[point[name] for point in curve] for curve in self.curves])
@@ -205,15 +206,16 @@ class _Replicas:
         seconds = float(np.median([cost.seconds / samples for samples, cost in self.costs if samples == largest])
                         if device else np.nan)  # never across machines
         return StrategyResult(
-            strategy=strategy.name, suits=strategy.suits, warning=strategy.warning, spp=spp,
-            curves=curves, scores=metrics.measure(merged.mean, reference, scene.exposure, at_prefixes=False),
+            strategy=strategy.name, suits=strategy.suits, warning=strategy.warning,
+            measured=measured(file.path.stem, file.parameters, strategy.name, samples=merged.samples, spp=spp,
+                              curves=curves, seconds_per_spp=seconds, rejected=merged.rejected, device=device,
+                              scores=metrics.measure(merged.mean, reference, scene.exposure, at_prefixes=False)),
             estimate=merged,
             verdict=judge(merged, reference, tolerance=plan.tolerance.mean, confidence=plan.confidence,
                           fail_level=plan.fail_level),
             tiles=judge_tiles(self.tiles.samples(), self.reference.tiles, plan.tolerance, fail_level=plan.fail_level,
                               pass_level=1 - plan.confidence),
-            slope=None if _is_exact(merged) or len(spp) < 3 else fit_slope(spp, curves["rmse"]),
-            seconds_per_spp=seconds, device=device)
+            slope=None if _is_exact(merged) or len(spp) < 3 else fit_slope(spp, curves["rmse"]))
 
 
 @dataclass(frozen=True)
@@ -249,7 +251,7 @@ def _study_estimator(file: SceneFile, film: Film, estimator: Estimator, referenc
         more = replicas_needed(run.total.estimate(), reference.estimate, plan.replicas, plan.tolerance.mean)
         more = min(more - plan.replicas, plan.max_replicas - plan.replicas) if strategy.suits else 0
         drawing.grow(run, estimator, file, more, f"{file.name} {estimator.name}, more to decide")
-        return run.result(plan)
+        return run.result(plan, file)
 
 
 def _is_exact(estimate: Estimate) -> bool:

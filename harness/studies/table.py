@@ -4,50 +4,43 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields, replace
 from pathlib import Path
+
+import numpy as np
 
 from harness import metrics
 from harness.files import write_atomically
-from harness.results import StrategyResult, StudyResult
+from harness.results import REJECTED, SECONDS, Record, StrategyResult, StudyResult
 from harness.stats.channels import CHANNELS
 
 TABLE_FILE = "table.csv"
 
 
-@dataclass(frozen=True)
-class Record:
-    """One number of a study.
-
-    `parameters`: of the scene, as (name, value). `replica`: None where the number is of all replicas together.
-    `samples`: per pixel, all that went into it. `quantity`: a metric's name (see `harness.metrics`), or 'slope',
-    'smallest_detectable', 'seconds_per_spp', 'rejected' (samples of the whole image). `channel`: empty where it is
-    of all. `low`, `high`: the interval, at the confidence of the study's verdicts; None where there is none. `n`: how
-    many independent replicas it stands on. `device`: what drew the samples.
-    """
-
-    scene: str
-    parameters: tuple[tuple[str, str], ...]
-    estimator: str
-    replica: int | None
-    samples: int
-    quantity: str
-    channel: str
-    value: float
-    low: float | None
-    high: float | None
-    n: int
-    device: str
+def measured(scene: str, parameters: tuple[tuple[str, str], ...], estimator: str, *, samples: int, spp: np.ndarray,
+             curves: Mapping[str, np.ndarray], scores: Mapping[str, float], seconds_per_spp: float, rejected: int,
+             device: str) -> tuple[Record, ...]:
+    """The rows of what was measured of one estimator: curves (R, P) at prefixes of `spp` (P,) samples per pixel, then
+    of all replicas together, `samples` per pixel, the other metrics, the cost and the samples that were rejected."""
+    replicas = len(next(iter(curves.values())))
+    every = Record(scene, parameters, estimator, None, samples, "", "", math.nan, None, None, replicas, device)
+    channels = {metric.name: metric.channel for metric in metrics.METRICS}
+    points = (replace(every, replica=replica, samples=int(at), quantity=name, channel=channels[name],
+                      value=float(value), n=1)
+              for name, all_curves in curves.items() for replica, curve in enumerate(all_curves)
+              for at, value in zip(spp, curve, strict=True))
+    ends = (replace(every, quantity=name, channel=channels[name], value=float(value))
+            for name, value in scores.items())
+    return (*points, *ends, replace(every, quantity=SECONDS, value=float(seconds_per_spp)),
+            replace(every, quantity=REJECTED, value=float(rejected)))
 
 
 def records(result: StudyResult) -> Iterator[Record]:
-    """Every number of a study: for each strategy the points of its curves, then what all replicas say together."""
+    """The whole table of a study: for each strategy what was measured, then what its verdict and its slope say."""
     for item in result.strategies:
-        every = Record(result.scene, (), item.strategy, None, item.estimate.samples, "", "", math.nan, None, None,
-                       len(item.curves["rmse"]), item.device)
-        yield from _curves(every, item)
-        yield from _merged(every, item)
+        yield from item.measured
+        yield from _judged(item)
 
 
 def write_csv(rows: Iterable[Record], path: Path) -> None:
@@ -65,28 +58,15 @@ def write_csv(rows: Iterable[Record], path: Path) -> None:
             writer.writerow(parameters if name == "parameters" else getattr(row, name) for name in names)
 
 
-def _curves(every: Record, item: StrategyResult) -> Iterator[Record]:
-    """Each metric of each replica's prefixes."""
-    for metric in metrics.METRICS:
-        for replica, curve in enumerate(item.curves.get(metric.name, ())):
-            for samples, value in zip(item.spp, curve, strict=True):
-                yield replace(every, replica=replica, samples=int(samples), quantity=metric.name,
-                              channel=metric.channel, value=float(value), n=1)
-
-
-def _merged(every: Record, item: StrategyResult) -> Iterator[Record]:
-    """Verdict, metrics, slope and cost."""
+def _judged(item: StrategyResult) -> Iterator[Record]:
+    """Mean error and smallest detectable bias of each channel, and the slope."""
     verdict, slope = item.verdict, item.slope
+    every = replace(item.measured[-1], low=None, high=None)
     for index, channel in enumerate(CHANNELS):
         yield replace(every, quantity="mean_error", channel=channel, value=float(verdict.error[index]),
                       low=float(verdict.low[index]), high=float(verdict.high[index]))
         yield replace(every, quantity="smallest_detectable", channel=channel,
                       value=float(verdict.smallest_detectable[index]))
-    for metric in metrics.METRICS:
-        if metric.name in item.scores:
-            yield replace(every, quantity=metric.name, channel=metric.channel, value=item.scores[metric.name])
     if slope is not None:
         yield replace(every, samples=int(item.spp[-1]), quantity="slope", value=slope.slope, low=slope.low,
                       high=slope.high, n=slope.replicas)
-    yield replace(every, quantity="seconds_per_spp", value=item.seconds_per_spp)
-    yield replace(every, quantity="rejected", value=float(item.estimate.rejected))

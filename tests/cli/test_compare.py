@@ -277,8 +277,9 @@ class TestRuns:
         assert done.out.splitlines()[-1].endswith("; from 4 runs against 4 runs")
 
     def test_weigh_by_their_samples_where_all_files_say_them(self, harness: Harness) -> None:
-        foreign("mine_0.exr", {"RGB": np.full((*SHAPE, 3), 1.5, "f4")}, spp=30)
-        foreign("mine_1.exr", {"RGB": np.full((*SHAPE, 3), 3.5, "f4")}, spp=10)
+        noise = colours()
+        foreign("mine_0.exr", {"RGB": 1.5 + noise}, spp=30)
+        foreign("mine_1.exr", {"RGB": 3.5 - 3 * noise}, spp=10)
         done = harness("compare", "mine_*.exr", foreign("truth.exr", {"RGB": np.ones((*SHAPE, 3), "f4")}), "--json")
         assert done.json["rmse"] == pytest.approx(1.0)
 
@@ -308,6 +309,12 @@ class TestRuns:
         foreign("mine_9.exr", {"RGB": twice.astype(np.float32)})
         assert refusal(harness("compare", "mine_*.exr", "truth_*.exr")).startswith(
             "mine_2.exr and mine_9.exr share most of their noise")
+
+    def test_that_are_a_copy_at_another_exposure_are_refused_of_two(self, harness: Harness) -> None:
+        self.runs("mine", 1), self.runs("truth", 2, first=100)
+        foreign("mine_1.exr", {"RGB": 2 * render_estimate(NoiseRenderer(size=SHAPE), 64).mean.astype(np.float32)})
+        assert refusal(harness("compare", "mine_*.exr", "truth_*.exr")).startswith(
+            "mine_0.exr and mine_1.exr hold the same pixels but for a factor")
 
     def test_on_both_sides_are_refused(self, harness: Harness) -> None:
         self.runs("mine", 3)
@@ -339,7 +346,7 @@ class TestRuns:
         foreign("mine_2.exr", {"RGB": broken})
         done = harness("compare", "mine_*.exr", "truth_*.exr")
         assert done.status == 1
-        assert done.err.startswith("warning: mine_2.exr: pixels that are not finite: 1")
+        assert "warning: mine_2.exr: pixels that are not finite: 1" in done.err
         assert "verdict: fail: the test image holds pixels that are not finite" in done.out
 
     def test_of_png_say_once_what_clipping_hides(self, harness: Harness) -> None:

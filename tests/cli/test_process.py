@@ -39,6 +39,26 @@ sys.argv = ["harness", "fake"]
 cli.console_script()
 """
 
+# A renderer that takes minutes, and so does a program that it starts; deaf to SIGTERM if asked.
+SLOW = """
+import os, signal, subprocess, sys, time
+if sys.argv[2] == "1":
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+child = subprocess.Popen(["sleep", "600"])
+with open(sys.argv[1] + ".part", "w") as file:
+    print(os.getpid(), child.pid, file=file)
+os.rename(sys.argv[1] + ".part", sys.argv[1])
+time.sleep(600)
+"""
+
+
+def running(pid: int) -> bool:
+    """Is it there, and more than an entry that nobody has collected?"""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
 
 def interrupt(arguments: Sequence[object], cache: Path, until: str) -> subprocess.CompletedProcess[str]:
     """Send Ctrl-C to `harness ARGUMENTS` once a batch called `until` is in the cache."""
@@ -110,6 +130,30 @@ class TestInterruption:
         replica, start, count = batches[-1]
         expected = (replica, start + count) if start + count < 64 else (replica + 1, 0)
         assert [batch[:2] for batch in asked] == [expected]
+
+    @pytest.mark.parametrize("deaf", [False, True], ids=["listens", "deaf"])
+    def test_ends_a_command_and_its_children(self, here: Path, sky: Path, deaf: bool) -> None:
+        """They are in a session of their own, where no terminal reaches them."""
+        Path("slow.py").write_text(SLOW)
+        template = f"{sys.executable} {here / 'slow.py'} {here / 'pids'} {int(deaf)} {{seed}} {{out}}"
+        command = hearing([sys.executable, "-m", "harness", "compare", "--command", template, "--scene", sky])
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            try:
+                deadline = time.monotonic() + PATIENCE
+                while not Path("pids").exists():
+                    assert process.poll() is None, f"ended by itself: {process.communicate()}"
+                    assert time.monotonic() < deadline, "the command was not started"
+                    time.sleep(0.02)
+                pids = [int(pid) for pid in Path("pids").read_text().split()]
+                assert all(map(running, pids))
+                process.send_signal(signal.SIGINT)
+                out, err = process.communicate(timeout=PATIENCE)
+            finally:
+                process.kill()
+        assert (process.returncode, out, err) == (130, "", "harness: interrupted\n")
+        while any(map(running, pids)):  # killed, and not yet gone
+            assert time.monotonic() < deadline, "still running"
+            time.sleep(0.02)
 
     @pytest.mark.parametrize("package", ["typer", "numpy"])
     def test_while_packages_are_imported_is_one_line_too(self, sky: Path, package: str) -> None:

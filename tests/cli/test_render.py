@@ -11,11 +11,12 @@ import OpenEXR
 import pytest
 from PIL import Image
 
+from harness.cli.render import _speed
 from harness.errors import MachineError
 from harness.files import data_dir
 from harness.gpu.renderer import TracerRenderer
 from harness.samples.cost import Cost
-from harness.samples.estimate import Batch
+from harness.samples.estimate import Batch, merge
 from harness.samples.exr import read_estimate
 from harness.samples.tone import encode_srgb
 from harness.scene import load_scene
@@ -36,6 +37,13 @@ def test_the_depth_is_the_one_asked_for(harness: Harness, command: str) -> None:
         found = [done.json["mean"][name] for name in ("red", "green", "blue")]
         np.testing.assert_allclose(found, expected, rtol=tolerance)
     assert harness(command, scene, "--max-depth", 0).status == 2
+
+
+def test_samples_of_several_devices_have_no_speed() -> None:
+    """Their seconds have no sum; the line says so in place of a NaN."""
+    drawn = [Batch(np.ones((2, 2, 3), np.float32), 4, 0, Cost(1.0, 2.0, None, device, "cpu")) for device in "ab"]
+    assert _speed(merge(drawn[:1])) == "8e-06 million samples a CPU second"
+    assert _speed(merge(drawn)).startswith("speed unknown: ")
 
 
 class TestExr:
@@ -178,6 +186,20 @@ def test_samples_that_were_not_finite_are_counted_aloud(
     done = harness(command, sky, "--spp", 4, *options)
     batches = 3 * (2 if command == "study" else 1)
     assert f"samples that were not finite and were left out: {7 * batches}; look for a division by zero" in done.err
+
+
+def test_speed_is_by_the_clock_that_counts_on_the_device(
+    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """16 x 12 pixels of 8 samples in 3 ms of a card's time, whatever the process spent beside it."""
+    def drawn(renderer: TracerRenderer, replica: int, start: int, count: int, *more: object) -> Batch:
+        cost = Cost(1.0, 2.0, 3e-3 * count / 8, "a card", "gpu")
+        return Batch(np.zeros((12, 16, 3), dtype=np.float32), count, cost=cost)
+
+    monkeypatch.setattr("harness.gpu.renderer.TracerRenderer.render_batch", drawn)
+    assert harness("render", sky, "--spp", 8).out.endswith(" 0.512 million samples a GPU second\n")
+    told = harness("render", sky, "--spp", 8, "--json").json
+    assert (told["clock"], told["device"], told["seconds"]) == ("gpu", "a card", pytest.approx(3e-3))
 
 
 def test_the_machine_short_of_opengl_is_one_line_and_status_3(

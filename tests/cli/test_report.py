@@ -210,7 +210,7 @@ class TestExhibits:
         words, = (tmp_path / "cache" / "exhibits").glob("*/exhibits.json")
         words.write_text("{", encoding="utf-8")
         done = harness("report", "-o", "out")
-        assert done.err.startswith(f"warning: {words}: missing or damaged (")
+        assert done.err.startswith(f"warning: {words}: not exhibits of the handout (")
         assert done.err.endswith("; the exhibits are measured again\n") and done.err.count("\n") == 1
         assert len(measured) == 2
 

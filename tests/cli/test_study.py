@@ -87,6 +87,16 @@ class TestJson:
         assert [item["strategy"] for item in answer["strategies"]] == ["mixture"]
 
 
+def test_values_of_the_scenes_parameters_stand_in_every_row(harness: Harness, sky: Path) -> None:
+    """`--set` reaches tracer, reference, JSON and table; the scene's name there is without them."""
+    sky.write_text(SKY.replace("0.5, 0.25, 1", "$blue").replace("<emitter", '<default name="blue" value="1"/><emitter'))
+    done = harness("study", sky, *BRIEF, "-s", "mixture", "--set", "blue=0.5", "-o", "kept", "--json")
+    assert (done.status, done.json["parameters"]) == (0, {"blue": "0.5"})
+    with Path("kept/table.csv").open(encoding="utf-8") as file:
+        assert {(row["scene"], row["parameters"]) for row in csv.DictReader(file)} == {("sky", "blue=0.5")}
+    np.testing.assert_allclose(load_study("kept").strategies[0].estimate.mean, 0.5)
+
+
 def test_a_metric_that_is_new_in_the_registry_is_shown(harness: Harness, sky: Path,
                                                        monkeypatch: pytest.MonkeyPatch) -> None:
     register(monkeypatch)

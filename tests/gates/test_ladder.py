@@ -160,7 +160,10 @@ class TestRealRenderers:
         """A shader of one's own that does not heed MAX_DEPTH, and what has no word of depths."""
         (tmp_path / "own.frag").write_text("""uniform sampler2D pingpong0; uniform int numpass, samples_per_pass;
             in vec2 texcoord; layout(location = 0) out vec4 sum;  // MAX_DEPTH in a comment
-            void main() { sum = float(samples_per_pass * (numpass + 1)) * vec4(0.3, 0.3, 0.3, 1.0); }""")
+            void main() {
+                vec4 before = numpass > 0 ? texelFetch(pingpong0, ivec2(gl_FragCoord.xy), 0) : vec4(0.0);
+                sum = before + float(samples_per_pass) * vec4(0.3, 0.3, 0.3, 1.0);
+            }""")
         gate = one_gate(tmp_path)
         own = run_gate(replace(gate, test=Tracer("cosine", shader=tmp_path / "own.frag")))
         assert own.reason.endswith(f"; no ladder of depths: {tmp_path / 'own.frag'} does not use MAX_DEPTH, so no "

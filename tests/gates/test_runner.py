@@ -297,7 +297,7 @@ class TestContract:
         """A seed without the replica looks like noiseless samples: their error would be taken for a bias."""
         for seed, told in (
             ("first_sample", "all replicas are one image, which is not without noise: the seed leaves out `replica`"),
-            ("40503u * uint(numpass)", "one image, which is not without noise: the seed leaves out `replica`, or makes"),
+            ("40503u * uint(numpass)", "one image, which is not without noise: the seed leaves out `replica`"),
             ("0u", "; all batches are one image: without noise, or from a seed without `first_sample` and `replica`"),
             ("first_sample + 977u * replica", "")):
             noise = f"vec3(fract(float(pixel * 2654435761u ^ ({seed}) * 40503u) * 2.3283e-10))"
@@ -317,8 +317,8 @@ class TestContract:
 
         result = run_gate(judging(gate, Repeating(0.5, sigma, (40, 40))))
         assert (result.outcome, len(result.looks)) == ("fail", 1)
-        assert result.reason.startswith("replicas 3 and 4 are one image, and of 16 replicas only 4 differ, which is not "
-                                        "without noise: the seed leaves out `replica`")
+        assert result.reason.startswith("replicas 3 and 4 are one image, and of 16 replicas only 4 differ, which is "
+                                        "not without noise: the seed leaves out `replica`")
 
     @pytest.mark.parametrize("noisy", [0, 31, 32])
     def test_replicas_without_noise_may_be_equal(self, gate: Gate, noisy: int) -> None:

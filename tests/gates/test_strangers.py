@@ -65,7 +65,7 @@ def test_a_program_that_takes_a_depth_is_asked_for_each(tmp_path: Path) -> None:
     line = command(tmp_path, 0.0, PROGRAM.replace("float(sys.argv[5])", "0.52 if int(sys.argv[5]) > 1 else 0.5"))
     result = run_gate(load_gates(gates(tmp_path, line.replace("0.0'", "{max_depth}'"))).gates[0])
     assert result.outcome == "fail"
-    assert result.reason.endswith("right up to depth 1, wrong at 2, the scene's (light scattered once)")
+    assert "; right up to depth 1, wrong from 2 on (light scattered once): +4.0" in result.reason
     deaf = run_gate(load_gates(gates(tmp_path, command(tmp_path, 0.52))).gates[0])
     assert deaf.reason.endswith("no ladder of depths: max_depth does not reach it; pass {max_depth} on to the program")
 
@@ -110,6 +110,7 @@ def test_what_nothing_can_be_judged_by_is_refused_with_its_line(tmp_path: Path, 
     (PROGRAM.replace("(height, width, 3)", "(9, width, 3)").replace("(width, height)", "(width, 9)"),
      r"wrote an image of 40 x 9 pixels, the scene has 40 x 40"),
     (PROGRAM.replace("default_rng(seed)", "default_rng(1)"), r"gave the same image for seeds 1 and 2"),
+    (PROGRAM.replace("default_rng(seed)", "default_rng(min(seed, 5))"), r"gave the same image for seeds 5 and 6"),
     ("import time; time.sleep(60)", r"took longer than 0\.5 s and was ended"),
 ])
 def test_a_program_that_does_not_render_is_one_line(tmp_path: Path, program: str, told: str) -> None:

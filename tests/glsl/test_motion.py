@@ -30,6 +30,9 @@ KINDS = ("sphere", "rectangle", "disk", "cube", "cylinder")
 SENSOR = """<sensor type="perspective"><float name="shutter_open" value="{}"/><float name="shutter_close" value="{}"/>
 <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/><rfilter type="box"/></film>
 </sensor>"""
+# From so far off, rays of the file's coordinates are those of the scene's frame.
+AFAR = SENSOR.replace("<film", '<transform name="to_world"><lookat origin="0, 0, 30" target="0, 0, 0" up="0, 1, 0"/>'
+                               "</transform><film")
 
 
 def body(motions: list[str], kinds: tuple[str, ...] = KINDS) -> str:
@@ -74,7 +77,7 @@ def rounding(motion: Any, time: float, distance: float) -> float:
 @pytest.mark.parametrize("u", [0.0, 0.3, 0.99])
 def test_rays_meet_moving_shapes_where_they_are(scene: Any, motions: list[str], u: float) -> None:
     """Distances, normals, emission and identities are those of a scene at rest in that pose, made on the host."""
-    loaded = scene(body([MOTIONS[name] for name in motions]), sensor=SENSOR.format(*SHUTTER))
+    loaded = scene(body([MOTIONS[name] for name in motions]), sensor=AFAR.format(*SHUTTER))
     still = posed(loaded, SHUTTER[0] + (SHUTTER[1] - SHUTTER[0]) * u)
     rng = np.random.default_rng(3)
     places = np.array([shape.matrix[:3, 3] for shape in still.shapes])
@@ -99,7 +102,7 @@ def test_times_are_uniform_over_the_shutters_interval(scene: Any) -> None:
     """A wall that recedes at constant speed: distances of rays at random numbers are those of their own times."""
     wall = """<shape type="rectangle"><transform name="to_world"><scale value="100"/><translate z="5"/></transform>
         <transform name="motion"><translate z="2"/></transform></shape>"""
-    loaded = scene(wall, sensor=SENSOR.format(*SHUTTER))
+    loaded = scene(wall, sensor=AFAR.format(*SHUTTER))
     u = np.random.default_rng(1).random(1000)
     found = trace(loaded, np.zeros((1000, 3)), np.tile([0.0, 0.0, 1.0], (1000, 1)), u)
     np.testing.assert_allclose(found[:, 3], 5 + 2 * (SHUTTER[0] + (SHUTTER[1] - SHUTTER[0]) * u), rtol=1e-6)
@@ -107,7 +110,7 @@ def test_times_are_uniform_over_the_shutters_interval(scene: Any) -> None:
 
 def test_a_moment_is_a_scene_at_rest(scene: Any) -> None:
     """A shutter of no length shows the pose at that time, by the code of a scene that knows no motion."""
-    loaded = scene(body(list(MOTIONS.values())), sensor=SENSOR.format(0.75, 0.75))
+    loaded = scene(body(list(MOTIONS.values())), sensor=AFAR.format(0.75, 0.75))
     chunk = scene_chunk(loaded, "mixture")
     assert "HAS_MOTION 0" in chunk and "path_time" not in chunk
     assert chunk == scene_chunk(posed(loaded, 0.75), "mixture")

@@ -61,6 +61,18 @@ class TestOpenGL:
         monkeypatch.setattr(doctor, "_PROBE_TIMEOUT", 0.2)
         assert doctor.check_gl().detail == "no answer within 0.2 s"
 
+    def test_a_device_that_hangs_is_told_after_its_own_shorter_wait(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """0 answers, 1 hangs, there is no 2."""
+        monkeypatch.setattr(doctor, "_GL_PROBE", (
+            "import os, sys, time; number = int(os.environ['HARNESS_GL_DEVICE'])\n"
+            "if number == 1: time.sleep(600)\n"
+            "if number == 2: sys.exit('there is no EGL device 2')\n"
+            "print('[\"llvmpipe\", \"4.5\", true]')"))
+        monkeypatch.setattr(doctor, "_DEVICE_TIMEOUT", 2)
+        monkeypatch.delenv("HARNESS_GL_DEVICE", raising=False)
+        check = doctor.check_devices()
+        assert (check.ok, check.detail) == (True, "0: llvmpipe (software), used; 1: no answer within 2 s")
+
 
 class TestMitsuba:
     """LLVM is judged by its version, Mitsuba by a picture."""

@@ -27,7 +27,7 @@ from harness.results import BenchRow, StrategyResult, StudyResult
 from harness.stats.bias import MeanErrorVerdict
 from harness.stats.convergence import Slope
 from harness.stats.findings import TileFinding
-from tests.support.report import with_curves
+from tests.support.report import with_curves, with_measured
 
 BENCH = (BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.3, opponent_rate=1.93, ratio=6.4, low=6.1,
                   high=6.7, wall_ratio=5.6, efficiency_ratio=6.8),
@@ -178,14 +178,16 @@ def variants(study: StudyResult) -> Iterator[tuple[str, StudyResult]]:
         yield name, dataclasses.replace(study, **{name: altered(getattr(study, name))})
     yield "reference", dataclasses.replace(study, reference=first.estimate)
     yield "strategies", dataclasses.replace(study, strategies=rest)
-    for name in fields(StrategyResult) - {"estimate", "verdict", "tiles", "slope", "spp", "curves", "scores"}:
+    for name in fields(StrategyResult) - {"estimate", "verdict", "tiles", "slope", "measured"}:
         yield f"strategy {name}", with_strategy(dataclasses.replace(first, **{name: altered(getattr(first, name))}))
+    for name in ("seconds_per_spp", "device"):
+        yield f"strategy {name}", with_strategy(with_measured(first, **{name: altered(getattr(first, name))}))
     for name, curve in first.curves.items():
         yield f"curve {name}", with_strategy(with_curves(first, **{name: altered(curve)}))
     for name in (metric.name for metric in shown_in("report") if not metric.at_prefixes):
         scores = {**first.scores, name: altered(first.scores[name])}
-        yield f"score {name}", with_strategy(dataclasses.replace(first, scores=scores))
-    yield "strategy spp", with_strategy(dataclasses.replace(first, spp=first.spp * 2))
+        yield f"score {name}", with_strategy(with_measured(first, scores=scores))
+    yield "strategy spp", with_strategy(with_measured(first, spp=first.spp * 2))
     yield "strategy slope", with_strategy(dataclasses.replace(first, slope=None))
     yield "strategy estimate", with_strategy(dataclasses.replace(first, estimate=rest[0].estimate))
     for name in fields(MeanErrorVerdict):

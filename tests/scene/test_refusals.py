@@ -88,8 +88,8 @@ BODIES = {
     "number for a transform": (shape('<float name="to_world" value="3"/>'),
                                "'to_world' must be a <transform>, found 3"),
     "lookat at itself": (to_world('<lookat origin="0,0,0" target="0,0,0" up="0,1,0"/>'),
-                         "invalid lookat transformation: 'origin' and 'target' must differ, and 'up' must not point al"),
-    "lookat along up": (to_world('<lookat origin="0,0,5" target="0,0,0" up="0,0,1"/>'), "and 'up' must not point along"),
+                         "invalid lookat transformation: 'origin' and 'target' must differ, and 'up' must not point"),
+    "lookat along up": (to_world('<lookat origin="0,0,5" target="0,0,0" up="0,0,1"/>'), "'up' must not point along"),
     "matrix of 5": (to_world('<matrix value="1 0 0 0 1"/>'), "matrix must have 9 or 16 values, got 5"),
     # BSDFs
     "unknown BSDF": (bsdf("", "ruff"), "bsdf 'ruff' is not supported; supported: phong, diffuse, twosided"),

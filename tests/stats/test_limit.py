@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from harness.errors import HarnessError
-from harness.stats.limit import LimitError, limit_error, limit_verdict
+from harness.stats.limit import limit_error
 
 SHAPE = (48, 48, 3)
 
@@ -40,8 +40,8 @@ def test_what_averages_out_in_every_tile_is_found(rng: np.random.Generator) -> N
     truth = stripes()
     shifted = limit_error(*merged(rng, 0.95 * truth + 0.05 * np.roll(truth, 1, axis=1), 0.05),
                           *merged(rng, truth, 0.05))
-    assert limit_verdict(shifted, 0.01) == "fail"
-    assert limit_verdict(limit_error(*merged(rng, truth, 0.01), *merged(rng, truth, 0.01)), 0.01) == "pass"
+    assert shifted.low > 0.01
+    assert limit_error(*merged(rng, truth, 0.01), *merged(rng, truth, 0.01)).high <= 0.01
 
 
 @pytest.mark.parametrize("rare", [0.0, 0.01])
@@ -68,13 +68,6 @@ def test_unknown_variance_has_no_limit() -> None:
     one, unknown = np.ones(SHAPE), np.full(SHAPE, np.nan)
     found = limit_error(one, unknown, one, 0 * one)
     assert math.isnan(found.value) and math.isnan(found.high)
-    assert limit_verdict(found, 0.1) == "inconclusive"
-
-
-@pytest.mark.parametrize(("low", "high", "outcome"), [(0.0, 0.009, "pass"), (0.0, 0.02, "inconclusive"),
-                                                      (0.02, 0.03, "fail")])
-def test_verdict_is_equivalence(low: float, high: float, outcome: str) -> None:
-    assert limit_verdict(LimitError((low + high) / 2, low, high, 0.95), 0.01) == outcome
 
 
 def test_images_of_different_sizes_are_refused() -> None:

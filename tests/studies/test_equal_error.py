@@ -10,14 +10,15 @@ import pytest
 from harness.results import StrategyResult, StudyResult
 from harness.stats.convergence import fit_slope
 from harness.studies.equal_error import equal_error
-from tests.support.report import with_curves
+from tests.support.report import with_measured
 
 
 def power_law(strategy: StrategyResult, coefficient: float, seconds: float, spread: float = 0.0) -> StrategyResult:
     """The strategy with RMSE = coefficient / sqrt(spp), its replicas `spread` apart (relative)."""
     factors = 1 + spread * np.linspace(-1, 1, strategy.curves["rmse"].shape[0])
     rmse = coefficient * factors[:, None] / np.sqrt(strategy.spp)[None, :]
-    return replace(with_curves(strategy, rmse=rmse), slope=fit_slope(strategy.spp, rmse), seconds_per_spp=seconds)
+    return replace(with_measured(strategy, curves={**strategy.curves, "rmse": rmse}, seconds_per_spp=seconds),
+                   slope=fit_slope(strategy.spp, rmse))
 
 
 def test_exact_power_laws_give_exact_factors(study: StudyResult) -> None:
@@ -72,7 +73,7 @@ def test_the_first_strategy_is_the_baseline_where_uniform_is_missing(study: Stud
 
 def test_seconds_of_two_devices_have_no_ratio(study: StudyResult) -> None:
     uniform, cosine, *_ = study.strategies
-    slow, fast = power_law(uniform, 0.6, 0.01), replace(power_law(cosine, 0.2, 0.02), device="another")
+    slow, fast = power_law(uniform, 0.6, 0.01), with_measured(power_law(cosine, 0.2, 0.02), device="another")
     found = equal_error(replace(study, strategies=(slow, fast)))
     assert found is not None
     gain, samples = found.costs[1].time_gain, found.costs[1].sample_gain

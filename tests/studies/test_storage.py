@@ -16,6 +16,7 @@ from harness.results import StudyResult
 from harness.samples.estimate import Estimate
 from harness.studies import storage
 from harness.studies.storage import load_study, save_study
+from tests.support.report import with_measured
 
 
 def assert_same(found: Any, saved: Any, name: str = "result") -> None:
@@ -71,8 +72,8 @@ def test_numbers_that_are_not_finite_come_back(study: StudyResult, tmp_path: Pat
     verdict = dataclasses.replace(first.verdict, low=unknown, high=-unknown, smallest_detectable=np.full(4, np.inf))
     mixed = first.curves["rmse"].copy()
     mixed[0, 0] = np.nan
-    strategy = dataclasses.replace(first, verdict=verdict, scores={**first.scores, "flip": float("nan")},
-                                   curves={**first.curves, "rmse": mixed})
+    strategy = with_measured(dataclasses.replace(first, verdict=verdict), scores={**first.scores, "flip": float("nan")},
+                             curves={**first.curves, "rmse": mixed})
     changed = dataclasses.replace(study, strategies=(strategy,))
     save_study(changed, tmp_path)
     json.loads((tmp_path / "study.json").read_text(), parse_constant=lambda name: pytest.fail(f"{name} in JSON"))
@@ -129,8 +130,7 @@ def test_a_file_that_is_no_study_is_refused_in_one_line(saved: Path, change: dic
 
 
 @pytest.mark.parametrize(("name", "value"), [
-    ("spp", [1, 2]), ("spp", [[1, 2, 4, 8, 16, 32, 64]]),
-    ("curves", {}), ("curves", 3), ("scores", {}), ("verdict", {}), ("tiles", {}),
+    ("strategy", "another"), ("suits", "yes"), ("verdict", {}), ("tiles", {}),
     ("tiles", {"coarse": {"outcome": "maybe"}}), ("slope", {"slope": 1})])
 def test_a_damaged_strategy_is_refused_in_one_line(saved: Path, name: str, value: object) -> None:
     content = json.loads((saved / "study.json").read_text())
@@ -140,12 +140,26 @@ def test_a_damaged_strategy_is_refused_in_one_line(saved: Path, name: str, value
         load_study(saved)
 
 
-@pytest.mark.parametrize(("kind", "name", "value"), [
-    ("curves", "rmse", [[1.0]]), ("curves", "ssim", 3), ("curves", "unknown", [[1.0]]), ("scores", "flip", "x"),
-    ("scores", "unknown", 1.0)])
-def test_damaged_metrics_are_refused_in_one_line(saved: Path, kind: str, name: str, value: object) -> None:
+@pytest.mark.parametrize("table", [
+    None, {}, {"columns": ["value"], "rows": [[1.0]]}, {"rows": []}, {"rows": 3}, {"rows": [[]]}])
+def test_a_damaged_table_is_refused_in_one_line(saved: Path, table: dict[str, Any] | None) -> None:
     content = json.loads((saved / "study.json").read_text())
-    content["strategies"][0][kind][name] = value
+    content["table"] = table and {**content["table"], **table}
+    if table == {}:
+        content["table"] = {}
+    (saved / "study.json").write_text(json.dumps(content))
+    with pytest.raises(StoreError, match=r"study\.json: not a study .*; remove it"):
+        load_study(saved)
+
+
+@pytest.mark.parametrize(("row", "column", "value"), [
+    (0, "replica", 7), (0, "replica", "0"), (0, "samples", 1.5), (0, "quantity", "unknown"), (0, "value", "x"),
+    (0, "value", None), (0, "parameters", 3), (0, "estimator", "another"), (-1, "quantity", "unknown"),
+    (-2, "quantity", "rejected"), (-3, "device", 1)])
+def test_a_damaged_row_is_refused_in_one_line(saved: Path, row: int, column: str, value: object) -> None:
+    content = json.loads((saved / "study.json").read_text())
+    table = content["table"]
+    table["rows"][row][table["columns"].index(column)] = value
     (saved / "study.json").write_text(json.dumps(content))
     with pytest.raises(StoreError, match=r"study\.json: not a study .*; remove it"):
         load_study(saved)
@@ -165,7 +179,7 @@ def test_a_study_without_tiles_is_of_an_earlier_format(saved: Path) -> None:
     content = json.loads((saved / "study.json").read_text())
     del content["strategies"][0]["tiles"]
     (saved / "study.json").write_text(json.dumps({**content, "format": 1}))
-    with pytest.raises(StoreError, match=r"format 1 of a study, this version reads 4; remove it and run"):
+    with pytest.raises(StoreError, match=r"format 1 of a study, this version reads 5; remove it and run"):
         load_study(saved)
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from harness.errors import StoreError
-from harness.results import StudyResult
+from harness.results import Record, StudyResult
 from harness.stats.channels import CHANNELS
-from harness.studies.table import Record, records, write_csv
+from harness.studies.table import records, write_csv
 
 NAMES = [field.name for field in fields(Record)]
 
@@ -65,6 +65,15 @@ class TestRecords:
         assert {row.scene for row in rows} == {"spheres", "furnace_convex"}
         assert {row.estimator for row in rows} == {"uniform", "cosine", "phong", "lobes", "mixture"}
         assert {row.device for row in rows} == {"llvmpipe (LLVM 15.0.6, 256 bits)"}
+
+    def test_are_what_a_result_is_a_view_of(self, study: StudyResult) -> None:
+        """Another number in a row is another point of the curve; whatever order the rows come in."""
+        first = study.strategies[0]
+        row = next(row for row in first.measured if (row.replica, row.samples, row.quantity) == (1, 4, "rmse"))
+        others = [replace(row, value=7.0) if each is row else each for each in reversed(first.measured)]
+        found = replace(first, measured=tuple(others)).curves["rmse"]
+        assert found[1, 2] == 7.0
+        assert (found != first.curves["rmse"]).sum() == 1
 
     def test_of_a_strategy_without_noise_have_no_slope(self, exact: StudyResult) -> None:
         assert [row.estimator for row in records(exact) if row.quantity == "slope"] == ["uniform"]

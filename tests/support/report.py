@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from harness.stats.convergence import fit_slope
 from harness.stats.findings import judge_tiles
 from harness.stats.tiles import tile_size
 from harness.stats.verdicts import Tolerance
+from harness.studies.table import measured
 from harness.work.run import tiles_of
 
 # Standard deviation of one sample, relative to the pixel's radiance, and CPU seconds for one sample per pixel.
@@ -51,7 +53,8 @@ def noisy(truth: np.ndarray, spp: int, sigma: float, random: np.random.Generator
 
 
 def strategy_result(name: str, truth: np.ndarray, reference: Estimate, *, sigma: float, seconds: float, spp: int,
-                    replicas: int, seed: int, bias: float = 0.0, exposure: float = 0.0) -> StrategyResult:
+                    replicas: int, seed: int, bias: float = 0.0, exposure: float = 0.0,
+                    scene: str = "spheres") -> StrategyResult:
     """One strategy whose samples have the relative standard deviation `sigma` and the relative bias `bias`."""
     random = np.random.default_rng(seed)
     prefixes = 2 ** np.arange(int(np.log2(spp)) + 1)
@@ -71,15 +74,25 @@ def strategy_result(name: str, truth: np.ndarray, reference: Estimate, *, sigma:
     tiles = judge_tiles(tiles_of(merged, tile), tiles_of(reference, tile), Tolerance(), fail_level=fail_level(5),
                         pass_level=0.05)
     return StrategyResult(
-        strategy=name, suits=True, warning="", spp=prefixes, curves=curves,
-        scores=metrics.measure(merged.mean, reference, exposure, at_prefixes=False),
-        estimate=merged, verdict=verdict, tiles=tiles, slope=fit_slope(prefixes, curves["rmse"]) if sigma else None,
-        seconds_per_spp=seconds, device=DEVICE)
+        strategy=name, suits=True, warning="", measured=measured(
+            scene, (), name, samples=merged.samples, spp=prefixes, curves=curves, seconds_per_spp=seconds,
+            scores=metrics.measure(merged.mean, reference, exposure, at_prefixes=False), rejected=merged.rejected,
+            device=DEVICE),
+        estimate=merged, verdict=verdict, tiles=tiles, slope=fit_slope(prefixes, curves["rmse"]) if sigma else None)
+
+
+def with_measured(strategy: StrategyResult, **others: Any) -> StrategyResult:
+    """The strategy with other measurements: `spp`, `curves`, `scores`, `seconds_per_spp` or `device`."""
+    first = strategy.measured[0]
+    held = {name: getattr(strategy, name) for name in ("spp", "curves", "scores", "seconds_per_spp", "device")}
+    return replace(strategy, measured=measured(
+        first.scene, first.parameters, strategy.strategy, samples=strategy.estimate.samples,
+        rejected=strategy.estimate.rejected, **{**held, **others}))
 
 
 def with_curves(strategy: StrategyResult, **curves: np.ndarray) -> StrategyResult:
     """The strategy with other curves of the metrics named."""
-    return replace(strategy, curves={**strategy.curves, **curves})
+    return with_measured(strategy, curves={**strategy.curves, **curves})
 
 
 def study_result(scene: str = "spheres", *, size: int = 32, spp: int = 64, replicas: int = 3, seed: int = 1,
@@ -90,11 +103,11 @@ def study_result(scene: str = "spheres", *, size: int = 32, spp: int = 64, repli
     reference = noisy(truth, 4 * spp * replicas, 0.3, random)
     strategies = [
         strategy_result(name, truth, reference, sigma=sigma, seconds=seconds, spp=spp, replicas=replicas,
-                        seed=seed + 10 + index, bias=(biases or {}).get(name, 0.0))
+                        seed=seed + 10 + index, bias=(biases or {}).get(name, 0.0), scene=scene)
         for index, (name, (sigma, seconds)) in enumerate(STRATEGIES.items())]
     if unsuited:
         phong = strategy_result("phong", truth, reference, sigma=12.0, seconds=0.012, spp=spp, replicas=replicas,
-                                seed=seed + 99, bias=-0.3)
+                                seed=seed + 99, bias=-0.3, scene=scene)
         strategies.insert(2, replace(phong, suits=False, warning=(
             "draws from the glossy lobe only, but 4 of the 7 materials have a diffuse part (kd > 0), whose light it "
             "finds rarely and with enormous weights")))
@@ -114,7 +127,8 @@ def exact_study(scene: str = "furnace_convex", *, size: int = 32, spp: int = 64,
     truth[size // 4 : size // 2] = 1.0
     reference = Estimate.exact(truth)
     strategies = tuple(
-        strategy_result(name, truth, reference, sigma=sigma, seconds=0.004, spp=spp, replicas=replicas, seed=index)
+        strategy_result(name, truth, reference, sigma=sigma, seconds=0.004, spp=spp, replicas=replicas, seed=index,
+                        scene=scene)
         for index, (name, sigma) in enumerate((("uniform", 0.8), ("cosine", 0.0))))
     return StudyResult(
         scene=scene, description="A convex diffuse object under a constant environment: every pixel has a closed form.",

@@ -13,8 +13,12 @@ from harness.scene import Scene, load_scene
 from harness.shader.library import Library
 from tests.support.tracer import put_to_test
 
-SENSOR = """<sensor type="perspective"><float name="fov" value="40"/><film type="hdrfilm">
-    <integer name="width" value="8"/><integer name="height" value="8"/><rfilter type="box"/></film></sensor>"""
+# It stands back: what is seen from within a shape may be so small that the scene is given another frame, and the rays
+# that probes are given are those of the file's.
+SENSOR = """<sensor type="perspective"><float name="fov" value="40"/>
+    <transform name="to_world"><lookat origin="0, 0, 30" target="0, 0, 0" up="0, 1, 0"/></transform>
+    <film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/><rfilter type="box"/></film>
+    </sensor>"""
 INTEGRATOR = """<integrator type="path"><integer name="max_depth" value="4"/></integrator>"""
 
 SceneWriter = Callable[..., Scene]

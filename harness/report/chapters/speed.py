@@ -22,11 +22,12 @@ def chapters(inputs: Inputs) -> Iterator[Chapter]:
 def speed_table(rows: Sequence[BenchRow]) -> Table:
     """The benchmark as a table, one row a measured case."""
     caption = (
-        "Speed: millions of samples (paths) per second of CPU time, the GLSL tracer and what it is measured against in "
-        "turns in one run on the same cores. Medians over the rounds; of their ratio also the extremes. path: "
-        "Mitsuba's own path tracer, which samples light sources as well; bsdf_path: the tracer's algorithm as a "
-        "Mitsuba integrator; no lens, no motion: the tracer itself on the same scene without it. "
-        "Elapsed: the ratio by wall clock. Equal error: the ratio of 1 / (variance × CPU time), how much sooner the "
+        "Speed: millions of samples (paths) per second, by the clock that counts on the device (the CPU's or the "
+        "GPU's), the GLSL tracer and what it is measured against in turns in one run. Medians over the rounds; of "
+        "their ratio also the extremes. path: Mitsuba's own path tracer, which samples light sources as well; "
+        "bsdf_path: the tracer's algorithm as a Mitsuba integrator; no lens, no motion: the tracer itself on the same "
+        "scene without it. "
+        "Elapsed: the ratio by wall clock. Equal error: the ratio of 1 / (variance × time), how much sooner the "
         "tracer reaches the same error.")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Against"), Column("GLSL\nM/s", "right"),
                Column("Other\nM/s", "right"), Column("Ratio", "right"), Column("Target", "right"),

@@ -21,6 +21,7 @@ from harness.report.tiles import tiles_table
 from harness.results import StrategyResult, StudyResult
 from harness.stats.findings import Tiles
 from tests.support.blocks import blocks
+from tests.support.report import with_measured
 
 
 def with_outcomes(study: StudyResult, **outcomes: str) -> StudyResult:
@@ -120,8 +121,8 @@ def test_a_run_without_noise_is_exact_and_one_too_short_to_fit_is_not(exact: Stu
     cosine = exact.strategies[1]
     assert slope_mark(cosine) == "exact"
     assert any(remark.mark == "exact" for remark in summary([exact]))
-    short = replace(cosine, spp=cosine.spp[:2],
-                    curves={name: curve[:, :2] for name, curve in cosine.curves.items()})
+    short = with_measured(cosine, spp=cosine.spp[:2],
+                          curves={name: curve[:, :2] for name, curve in cosine.curves.items()})
     assert slope_mark(short) == ""
     assert "too few prefixes" in cells(verdict_table([replace(exact, strategies=(short,))], ["x"]), 0)
 
@@ -130,7 +131,7 @@ def test_gains_are_told_with_their_intervals_and_losses_too(study: StudyResult) 
     texts = said(summary([study]), "")
     assert any(text.startswith("At equal error the largest gain is that of mixture over uniform on spheres: samples ")
                and text.count("× [") == 2 for text in texts)
-    slow = tuple(replace(s, seconds_per_spp=s.seconds_per_spp * (100 if s.strategy == "cosine" else 1))
+    slow = tuple(with_measured(s, seconds_per_spp=s.seconds_per_spp * (100 if s.strategy == "cosine" else 1))
                  for s in study.strategies)
     assert any(text.startswith("The largest loss is that of cosine over uniform")
                for text in said(summary([replace(study, strategies=slow)]), ""))

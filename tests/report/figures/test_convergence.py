@@ -19,7 +19,7 @@ from harness.report.figures.convergence import curves, curves_svg
 from harness.report.figures.style import RC, strategy_style
 from harness.report.figures.svg import blank
 from harness.results import StudyResult
-from tests.support.report import with_curves
+from tests.support.report import with_curves, with_measured
 
 
 def words(svg: str) -> str:
@@ -83,10 +83,10 @@ def test_a_figure_is_drawn_once_and_another_one_for_another_result(
 def unreadable(study: StudyResult, synthetic: ModuleType) -> list[StudyResult]:
     """Results that strain a figure: one strategy, huge and tiny errors, long runs, nothing finite, two prefixes."""
     first = study.strategies[0]
-    none = replace(first, curves={name: curve * np.nan for name, curve in first.curves.items()})
+    none = with_curves(first, **{name: curve * np.nan for name, curve in first.curves.items()})
     return [study, synthetic.exact_study(), replace(study, strategies=study.strategies[:1]),
             replace(study, strategies=(with_curves(first, mean_error=first.curves["mean_error"] * 1e9),)),
-            replace(study, strategies=(replace(first, spp=8**np.arange(len(first.spp))),)),
+            replace(study, strategies=(with_measured(first, spp=8**np.arange(len(first.spp))),)),
             replace(study, strategies=(with_curves(first, rmse=first.curves["rmse"] * 1e-5),)),
             replace(study, strategies=(none,)), synthetic.study_result("short", spp=2, replicas=1)]
 
