@@ -23,8 +23,9 @@ from harness.shader.strategies import STRATEGIES
 
 FILE = Path(__file__).with_name("pixels.json")
 WIDTH, HEIGHT, SAMPLES = 48, 36, 64
-# Other drivers round otherwise, which now and then sends a path elsewhere.
-OTHER_DRIVER = 1e-5
+# Other drivers round otherwise, which sends up to eight paths in a million elsewhere, one or none of an image (Mesa 25:
+# one in a pixel of displaced_spheres, 9e-6 of the mean; all else 3e-8). Four are allowed for, of the mean's radiance.
+OTHER_DRIVER = 4 / (WIDTH * HEIGHT * SAMPLES)
 RECORDED: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))
 SCENES = sorted({name.split()[0] for name in RECORDED["images"]})
 
@@ -54,7 +55,7 @@ def written_down(batch: Batch) -> dict[str, Any]:
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("strategy", STRATEGIES)
 def test_pixels_are_what_they_were(scene: str, strategy: str) -> None:
-    """To the bit on the driver that drew them, else to 1e-5 of the mean."""
+    """To the bit on the driver that drew them, else to a few paths' share of the mean."""
     found, recorded = written_down(drawn(scene, strategy)), RECORDED["images"][f"{scene} {strategy}"]
     if describe_gl() == RECORDED["driver"]:
         assert found == recorded

@@ -33,9 +33,9 @@ class Device:
         """From the strings of a GL context, as moderngl's `info` has them."""
         name = info["GL_RENDERER"]
         software = name.startswith(SOFTWARE)
-        # Past about 65,535 iterations of all loops of one invocation llvmpipe leaves the loop without an error and the
-        # result is wrong; half of that leaves room for every loop the driver may add. A hardware driver has no such
-        # limit, but time, which bands and passes keep: the same bound is no hardship there.
+        # Past about 65,535 iterations of all loops of one invocation llvmpipe of Mesa 22 leaves the loop without an
+        # error and the result is wrong; half of that leaves room for every loop the driver may add. Mesa 25 and
+        # hardware have no such limit, but time, which bands and passes keep: the same bound is no hardship there.
         return cls(name, info["GL_VERSION"], info["GL_VENDOR"], "cpu" if software else "gpu",
                    max_iterations=32_768, least_rows=64, compiles_twice=name.startswith("llvmpipe"))
 

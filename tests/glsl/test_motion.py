@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,24 @@ def trace(scene: Scene, o: np.ndarray, d: np.ndarray, u: np.ndarray) -> np.ndarr
     return evaluate("intersect.frag", *inputs, outputs=2, generated={"scene.glsl": scene_chunk(scene, "mixture")})
 
 
+def rounding(motion: Any, time: float, distance: float) -> float:
+    """How far apart float32 may put the hits of a shape that moves and of one at rest, `distance` along a ray.
+
+    Two intersections at coordinates of about 8 are each off by up to three half-ulps. A turn adds an angle's error: of
+    the time, a product and a sum, and of the revolutions, a product by a rounded literal. And it adds a pose that
+    stretches: `cos_sin` is good to 1e-7, so its pair is not of unit length, and each doubling of the angle, by
+    (1 - 2 y², 2 x y), multiplies that by 4 y²: eightfold in all for a half turn, nothing for none. A longer direction
+    makes distances shorter.
+    """
+    radius = 4.0  # of the shapes' places about the axes, with some of the shapes
+    angle = screw(motion).angle
+    revolutions = angle * time / math.tau
+    turned = math.tau * (revolutions - round(revolutions))
+    drift = angle * np.spacing(np.float32(abs(time))) + math.tau * np.spacing(np.float32(abs(revolutions)))
+    stretch = 16 * math.sin(turned / 4) ** 2 * math.sin(turned / 2) ** 2 * 1e-7
+    return float(3 * np.spacing(np.float32(8)) + drift * radius + stretch * (radius + distance))
+
+
 @pytest.mark.parametrize("motions", [[name] for name in MOTIONS] + [list(MOTIONS)], ids=lambda names: ", ".join(names))
 @pytest.mark.parametrize("u", [0.0, 0.3, 0.99])
 def test_rays_meet_moving_shapes_where_they_are(scene: Any, motions: list[str], u: float) -> None:
@@ -73,7 +92,8 @@ def test_rays_meet_moving_shapes_where_they_are(scene: Any, motions: list[str], 
     hit = same & (expected[:, 7] >= 0)
     assert hit.sum() > RAYS / 4 and len(set(expected[hit, 7])) == len(KINDS)
     grazing = np.abs((expected[hit, :3] * d[hit]).sum(axis=1))
-    assert np.quantile(np.abs(found[hit, 3] - expected[hit, 3]) * grazing, 0.999) < 5e-6
+    allowed = [rounding(loaded.shapes[int(row[7])].motion, still.camera.shutter[0], row[3]) for row in expected[hit]]
+    assert np.quantile(np.abs(found[hit, 3] - expected[hit, 3]) * grazing / allowed, 0.999) < 1
     assert np.quantile(np.abs(found[hit, :3] - expected[hit, :3]).max(axis=1), 0.99) < 2e-5
     np.testing.assert_allclose(np.linalg.norm(found[hit, :3], axis=1), 1, atol=1e-5)  # of small shapes, six units off
 
