@@ -22,7 +22,7 @@ FLOORS = (
     ("gpu", "reference"),
     ("checks", "estimators"),
     ("work",),
-    ("api", "studies"),
+    ("api", "diagnosis", "studies"),
     ("bench", "course"),
     ("report",),
     ("gates",),

@@ -8,14 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.options import MUTANTS_FILE, CacheOption, open_store
+from harness.cli.options import AUTOPSY_FILE, MUTANTS_FILE, CacheOption, open_store
 from harness.cli.output import JsonOption, print_json, print_rich, progress
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from harness.mutants.autopsy import AutopsyScore
+    from harness.mutants.catalogue import Mutant
     from harness.mutants.matrix import KillMatrix
 
 # Shown for each state of a cell.
 SYMBOLS = {"killed": "X", "survived": "o", "untouched": "·", "not run": " "}
+# The share of the mutants that a scene shows of which an autopsy must name the function.
+NAMED = 0.95
 
 
 def mutants(
@@ -27,13 +33,17 @@ def mutants(
     = os.cpu_count() or 1,
     output: Annotated[Path, typer.Option("--output", "-o", help="JSON file to keep the matrix in, for the report.")]
     = Path("reports/out") / MUTANTS_FILE,
+    autopsy: Annotated[bool, typer.Option("--autopsy", help="Ask `harness autopsy` instead of the gates: does it name "
+                                          "each bug's function, and accuse no correct shader?")] = False,
     cache: CacheOption = True,
     json: JsonOption = False,
 ) -> int:
     """Seed one-line bugs into the shader and show which gates notice them.
 
     Prints the kill matrix: X killed, o survived, · the gate's pixels do not change, blank not run. Exit status 1 when
-    a mutant survives all gates; 2 when one does not apply or does not compile.
+    a mutant survives all gates; 2 when one does not apply or does not compile. With --autopsy: what each autopsy names,
+    kept beside the matrix; exit status 1 when it names the right function of fewer than 95 % of those that a bundled
+    scene shows, or accuses a shader that is right.
 
     Example: `harness mutants sampling phong`
     """
@@ -43,6 +53,8 @@ def mutants(
     from harness.mutants.runner import Gates, run_mutants
 
     chosen = choose(load_catalogue(), only or [])
+    if autopsy:
+        return _autopsy(chosen, jobs, output.with_name(AUTOPSY_FILE) if not only else None, json=json)
     family = Gates.of(gates, tests)
     require_writable(output)
     store = open_store(cache)
@@ -78,3 +90,42 @@ def _print(matrix: KillMatrix) -> None:
     if matrix.idle:
         print(f"gates that killed nothing: {', '.join(matrix.idle)}")
     print(f"{len(matrix.mutants) - len(matrix.survivors)} of {len(matrix.mutants)} mutants killed")
+
+
+def _autopsy(chosen: Sequence[Mutant], jobs: int, keep: Path | None, *, json: bool) -> int:
+    """The score of the autopsies; `keep`: where to write it."""
+    from harness.files import require_writable
+    from harness.mutants.autopsy import as_json, save, score
+
+    if keep:
+        require_writable(keep)
+    found = score(chosen, jobs=min(jobs, len(chosen)), variants=keep is not None, progress=progress)
+    if keep:
+        save(found, keep)
+    if json:
+        print_json(as_json(found))
+    else:
+        _print_autopsies(found)
+    return 1 if found.accused or found.count("named") < NAMED * found.reached else 0
+
+
+def _print_autopsies(found: AutopsyScore) -> None:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for title in ("", "mutant", "is in", "named", "stage", "at", "scene", "paths", "CPU s"):
+        table.add_column(title)
+    for mutant in found.mutants:
+        seen = f"{mutant.share:.1%}" if mutant.share else ""
+        table.add_row("" if mutant.outcome == "named" else mutant.outcome, mutant.id, " ".join(mutant.wrong[:3]),
+                      mutant.named[0] if mutant.named else "", mutant.stage, mutant.place,
+                      f"{mutant.scene}:{mutant.strategy}" if mutant.scene else "", seen, f"{mutant.seconds:.2f}")
+    print_rich(table)
+    for variant in found.accused:
+        print(f"ACCUSED although right: {variant.id} on {variant.scene}, {variant.strategy}: {variant.stage}")
+    if found.variants:
+        print(f"{len({each.id for each in found.variants})} correct shaders, {len(found.variants)} autopsies of them, "
+              f"{len(found.accused)} accused")
+    print(f"{found.count('named')} of {found.reached} mutants named with their function, "
+          f"{found.count('misnamed')} with another, {found.count('missed')} missed; {found.count('unreached')} change "
+          "nothing in any bundled scene")

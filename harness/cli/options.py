@@ -25,6 +25,8 @@ BENCH_FILE = "bench.json"
 CALIBRATION_FILE = "calibration.json"
 # The same of `harness mutants`.
 MUTANTS_FILE = "mutants.json"
+# The same of `harness mutants --autopsy`.
+AUTOPSY_FILE = "autopsies.json"
 # Largest --spp: the reference's seeds tell this many samples of a replica apart (reference.renderer.START_BITS).
 MAX_SPP = 1 << 22
 # Stops by which an image may be brightened or darkened for display, as in a scene file (scene.sensors.MAX_EXPOSURE).

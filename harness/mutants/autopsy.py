@@ -1,0 +1,281 @@
+"""Autopsies of the whole catalogue: does each name the function that the defect is in, and accuse no right shader?"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from harness.diagnosis.autopsy import SAMPLES, diagnose, looks, opened
+from harness.diagnosis.case import Case
+from harness.diagnosis.record import AutopsyRecord
+from harness.errors import StoreError
+from harness.files import write_atomically
+from harness.gpu.tap import Observed
+from harness.mutants.catalogue import Mutant, mutated
+from harness.mutants.variants import Variant, load_variants
+from harness.progress import Progress, quiet
+from harness.reference.coupled_steps import CoupledSteps
+from harness.samples.cost import Watch
+from harness.scene import SceneFile
+from harness.scene import load as read
+from harness.shader.functions import functions_of
+from harness.shader.library import GENERATED, OURS, Library, OwnFile
+from harness.work.executors import executor
+
+SIZE = (48, 36)
+# Scenes with the strategies in which defects are looked for, in this order; together they compile every line.
+SCENES: tuple[tuple[str, str], ...] = (
+    ("spheres", "mixture"), ("spheres", "lobes"), ("spheres", "cosine"), ("spheres", "uniform"), ("diffuse", "cosine"),
+    ("furnace_phong", "phong"), ("depth_of_field", "mixture"), ("environment", "mixture"), ("textures", "mixture"),
+    ("motion_blur", "mixture"), ("transforms", "mixture"), ("cylinders", "mixture"), ("area_lights", "mixture"),
+    ("procedural", "mixture"), ("course_scene", "mixture"), ("cornell", "mixture"), ("glossy_ladder", "lobes"),
+    ("displaced", "mixture"), ("displaced_spheres", "mixture"))
+# Where a word of a mutant's id, or its file, is most at home: looked at first, which only saves time.
+HOMES = {"lens": ("depth_of_field", "mixture"), "time": ("motion_blur", "mixture"),
+         "motion": ("motion_blur", "mixture"), "cylinder": ("cylinders", "mixture"),
+         "disk": ("area_lights", "mixture"), "only": ("furnace_phong", "phong"), "rectangle": ("cornell", "mixture"),
+         "emission": ("area_lights", "mixture"), "emits": ("area_lights", "mixture"),
+         "back": ("area_lights", "mixture"), "inside": ("cornell", "mixture"), "lobes": ("spheres", "lobes"),
+         "uniform": ("spheres", "uniform"), "cosine": ("spheres", "cosine"),
+         "grain": ("displaced_spheres", "mixture"), "fireflies": ("motion_blur", "mixture"),
+         "clamped": ("cylinders", "mixture"), "lib/motion.glsl": ("motion_blur", "mixture"),
+         "lib/displaced.glsl": ("displaced", "mixture"), "lib/bitmaps.glsl": ("textures", "mixture"),
+         "lib/uv.glsl": ("textures", "mixture"), "lib/environment.glsl": ("environment", "mixture"),
+         "lib/procedural.glsl": ("procedural", "mixture"), "lib/noise.glsl": ("procedural", "mixture")}
+# Autopsies of one task, after which it asks for another.
+CHUNK = 8
+
+# named: the first function is the one that the line is in. misnamed: another one is. missed: its records change, but no
+# stage is accused. unreached: no record of any scene changes.
+Outcome = Literal["named", "misnamed", "missed", "unreached"]
+
+
+@dataclass(frozen=True)
+class NamedMutant:
+    """What the autopsy says of one mutant. `wrong`: the functions that its line is in, or that use what it defines."""
+
+    id: str
+    topic: str
+    file: str
+    wrong: tuple[str, ...]
+    outcome: Outcome
+    scene: str = ""
+    strategy: str = ""
+    stage: str = ""
+    named: tuple[str, ...] = ()
+    place: str = ""
+    share: float = 0.0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Acquitted:
+    """What the autopsy says of a shader that is right, on one scene: the stage that it accuses, empty if none."""
+
+    id: str
+    scene: str
+    strategy: str
+    stage: str
+    own: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class AutopsyScore:
+    """The table of a catalogue."""
+
+    mutants: tuple[NamedMutant, ...]
+    variants: tuple[Acquitted, ...]
+
+    def count(self, outcome: Outcome) -> int:
+        """Mutants with this outcome."""
+        return sum(mutant.outcome == outcome for mutant in self.mutants)
+
+    @property
+    def reached(self) -> int:
+        """Mutants that change a record of some scene."""
+        return len(self.mutants) - self.count("unreached")
+
+    @property
+    def accused(self) -> tuple[Acquitted, ...]:
+        """Right shaders that are accused all the same."""
+        return tuple(variant for variant in self.variants if variant.stage)
+
+
+def score(mutants: Sequence[Mutant], *, jobs: int = 1, variants: bool = True,
+          progress: Progress = quiet) -> AutopsyScore:
+    """Examine every mutant until a scene shows it, and the right shader and its variants on every scene, in `jobs`
+    processes. HarnessError where a mutant or a variant does not apply."""
+    for mutant in mutants:
+        mutated(mutant)
+    right = [("ours", OURS), *((variant.id, as_own_files(variant)) for variant in load_variants())] if variants else []
+    found: dict[str, NamedMutant] = {}
+    seen: dict[str, NamedMutant] = {}
+    total = len(mutants) + len(right) * len(SCENES)
+    with progress(total, "autopsies") as advance, executor("processes", jobs, _start) as pool:
+        for results in pool.map(_examine, _at_home(mutants)):
+            found |= {each.id: each for each in results if each.outcome in ("named", "misnamed")}
+            seen |= {each.id: each for each in results}
+            advance(len(results))
+        waiting = [mutant for mutant in mutants if mutant.id not in found]
+        for results in pool.map(_examine, [(where, waiting) for where in SCENES] if waiting else []):
+            for each in results:
+                if each.outcome in ("named", "misnamed"):
+                    found.setdefault(each.id, each)
+                elif each.outcome == "missed" or each.id not in seen:
+                    seen[each.id] = each
+        acquitted: list[Acquitted] = []
+        for cleared in pool.map(_acquit, [(where, right[first:first + CHUNK]) for where in SCENES
+                                          for first in range(0, len(right), CHUNK)]):
+            acquitted += cleared
+            advance(len(cleared))
+    return AutopsyScore(tuple(found.get(mutant.id, seen[mutant.id]) for mutant in mutants), tuple(acquitted))
+
+
+def as_own_files(variant: Variant) -> Library:
+    """A variant as its author would bring it: files of his own in place of ours."""
+    applied = variant.applied()
+    files = dict.fromkeys(own.file for own in variant.exchanges)
+    return OURS.with_files(*(OwnFile(file, dict(applied.assembled(file, {GENERATED: ""}).files)[file], file)
+                             for file in files))
+
+
+def _at_home(mutants: Sequence[Mutant]) -> list[tuple[tuple[str, str], list[Mutant]]]:
+    """Tasks: a scene and the mutants that it is likeliest to show."""
+    groups: dict[tuple[str, str], list[Mutant]] = {}
+    for mutant in mutants:
+        words = [*mutant.id.split("-"), mutant.file]
+        groups.setdefault(next((HOMES[word] for word in words if word in HOMES), SCENES[0]), []).append(mutant)
+    return [(where, group[first:first + CHUNK]) for where, group in groups.items()
+            for first in range(0, len(group), CHUNK)]
+
+
+def wrong_functions(mutant: Mutant) -> tuple[str, ...]:
+    """The function that a mutant's line is in; of a constant that a file defines, all functions that use it.
+
+    From the text alone: the autopsy is not asked.
+    """
+    text = dict(OURS.assembled(mutant.file, {GENERATED: ""}).files)[mutant.file]
+    line = next(number for number, each in enumerate(text.splitlines(), start=1) if each.strip() == mutant.line.strip())
+    for function in functions_of(mutant.file, text):
+        if function.line <= line <= function.last:
+            return (function.name,)
+    defined = re.search(r"(\w+)\s*(?:=|;)", mutant.line)
+    assert defined, "a line outside functions defines something"
+    return tuple(sorted(_users(defined[1])))
+
+
+def _users(name: str) -> Iterator[str]:
+    """Functions that use a constant, of every scene of SCENES."""
+    seen: set[str] = set()
+    for scene, strategy in SCENES:
+        source = OURS.tracer(read(SceneFile.bundled(scene, SIZE)), strategy)
+        for file, content in source.files:
+            for function in functions_of(file, content):
+                if re.search(rf"\b{name}\b", function.text) and function.name not in seen:
+                    seen.add(function.name)
+                    yield function.name
+
+
+def _start() -> None:
+    # As for the kill matrix: shaders are compiled far more often than they are drawn.
+    os.environ.setdefault("GALLIVM_PERF", "nopt")
+
+
+def _examine(task: tuple[tuple[str, str], Sequence[Mutant]]) -> list[NamedMutant]:
+    """What the autopsy says of mutants on one scene."""
+    (name, strategy), mutants = task
+    right = _Right(CoupledSteps(SceneFile.bundled(name, SIZE)), strategy)
+    return [right.examine(mutant) for mutant in mutants]
+
+
+def _acquit(task: tuple[tuple[str, str], Sequence[tuple[str, Library]]]) -> list[Acquitted]:
+    """What it says of right shaders there."""
+    (name, strategy), right = task
+    steps = CoupledSteps(SceneFile.bundled(name, SIZE))
+    cleared = []
+    for shader, library in right:
+        with opened(steps, strategy, library) as case:
+            record = diagnose(case)
+            cleared.append(Acquitted(shader, name, strategy, record.stage or "", tuple(sorted(case.own))))
+    return cleared
+
+
+class _Right:
+    """The right shader's records on one scene, to tell which mutants change any."""
+
+    def __init__(self, steps: CoupledSteps, strategy: str) -> None:
+        self._steps, self._strategy = steps, strategy
+        with opened(steps, strategy, OURS) as case:
+            self._text, self._records = case.tap.source.text, _observe(case)
+
+    def examine(self, mutant: Mutant) -> NamedMutant:
+        """What the autopsy says of a mutant here; unreached where it changes no record."""
+        library = mutated(mutant)
+        unreached = NamedMutant(mutant.id, mutant.topic, mutant.file, wrong_functions(mutant), "unreached")
+        path = mutant.file != "display.frag"
+        if path and library.tracer(self._steps.reading, self._strategy).text == self._text:
+            return unreached
+        watch = Watch()
+        with opened(self._steps, self._strategy, library) as case:
+            if path and all(map(_same, _observe(case), self._records)):
+                return unreached
+            record = diagnose(case)
+        return _named(mutant, record, watch.cost("").seconds)
+
+
+def _named(mutant: Mutant, record: AutopsyRecord, seconds: float) -> NamedMutant:
+    wrong = wrong_functions(mutant)
+    head = (mutant.id, mutant.topic, mutant.file, wrong)
+    if record.stage is None:
+        return NamedMutant(*head, "missed", record.scene, record.strategy)
+    names = tuple(place.function for place in record.places)
+    place = f"{record.places[0].file}:{record.places[0].line}" if record.places else ""
+    stage = next(each for each in record.stages if each.stage == record.stage)
+    outcome: Outcome = "named" if names and names[0] in wrong else "misnamed"
+    return NamedMutant(*head, outcome, record.scene, record.strategy, record.stage, names, place,
+                       stage.first / record.paths, seconds)
+
+
+def _observe(case: Case) -> list[Observed]:
+    return [case.tap.observe(look) for look in looks(case, SAMPLES)]
+
+
+def _same(one: Observed, other: Observed) -> bool:
+    """Whether all records are, bit by bit."""
+    pairs = [(one.accumulated, other.accumulated), *((one.paths[name], other.paths[name]) for name in one.paths)]
+    for mine, theirs in zip(one.vertices, other.vertices, strict=True):
+        pairs += [(mine[name], theirs[name]) for name in mine]
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+
+
+def save(found: AutopsyScore, path: Path) -> None:
+    """Write the table as JSON, for the report. StoreError where it cannot be written."""
+    with write_atomically(path) as partial:
+        partial.write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")
+
+
+def load(path: Path) -> AutopsyScore:
+    """What `save` wrote; StoreError where the file is not that."""
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+        return AutopsyScore(tuple(NamedMutant(**_tuples(each)) for each in held["mutants"]),
+                            tuple(Acquitted(**_tuples(each)) for each in held["variants"]))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise StoreError(f"{path}: not a table of autopsies ({type(error).__name__}: {error}); run `harness mutants "
+                         "--autopsy` again") from None
+
+
+def as_json(found: AutopsyScore) -> Mapping[str, object]:
+    """The table as JSON types."""
+    return asdict(found)
+
+
+def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
