@@ -24,6 +24,8 @@ def gate(
                                          "do not pass leave behind.")] = Path("reports/out/gates"),
     ladder: Annotated[bool, typer.Option("--ladder/--no-ladder", help="Where a gate fails, run it at max_depth 1, 2, "
                                          "3, ... too, and say from which bounce on it is wrong.")] = True,
+    tight: Annotated[bool, typer.Option("--tight", help="Coupled gates alone, with a quarter of their tolerances and "
+                                        "four times their samples.")] = False,
     cache: CacheOption = True,
     device: DeviceOption = None,
     json: JsonOption = False,
@@ -43,6 +45,11 @@ def gate(
 
     family = gates.load_gates(file)
     chosen = family.select(only or [])
+    if tight:
+        chosen = tuple(item.tightened() for item in chosen if item.agreement is not None)
+        if not chosen:
+            raise HarnessError(f"{file}: --tight is for coupled gates, and there is none among those chosen; give one "
+                               "reference = { coupled = true }")
     for item in chosen:
         runner.check_gate(item)  # a bad one shows before the first is rendered
     require_writable(output / summary.HTML)

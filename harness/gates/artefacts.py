@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, NullLocator, PercentFormatter
 
+from harness.diagnosis.text import lines
 from harness.files import write_atomically
 from harness.gates.model import Gate, GateResult, Ladder
 from harness.gates.records import as_json
@@ -30,7 +31,7 @@ from harness.stats.agreement import AgreementVerdict
 from harness.stats.bias import Outcome
 from harness.stats.findings import largest_deviates
 
-RESULT_FILE = "result.json"
+RESULT_FILE, AUTOPSY = "result.json", "autopsy.txt"
 IMAGES = ("test.exr", "test.png", "reference.exr", "reference.png")
 Z_MAP, DIFFERENCE, CURVE = "z-map.png", "difference.png", "curve.svg"
 # Of the ladder of depths, where there is one: errors by depth, and the difference at the first that is wrong.
@@ -67,13 +68,16 @@ def save_result(result: GateResult, folder: Path, *, pictures: bool = True) -> N
         for name, content in figures.items():
             with write_atomically(folder / name) as partial:
                 partial.write_bytes(content)
+    if result.autopsy:
+        with write_atomically(folder / AUTOPSY) as partial:
+            partial.write_text(_autopsy(result) + "\n", encoding="utf-8")
     with write_atomically(folder / RESULT_FILE) as partial:
         partial.write_text(json.dumps(as_json(record(result)), indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def clear(folder: Path) -> None:
     """Remove what an earlier run of the gate left in its folder."""
-    for name in (*IMAGES, *ALL_PICTURES, RESULT_FILE):
+    for name in (*IMAGES, *ALL_PICTURES, AUTOPSY, RESULT_FILE):
         with suppress(OSError):
             (folder / name).unlink()
 
@@ -108,12 +112,16 @@ def record(result: GateResult) -> GateRecord:
                     for point in result.curve),
         samples=result.test.samples, budget=gate.spp * gate.replicas, not_finite=result.test.rejected,
         fail_level=gate.fail_level, seconds=round(result.seconds, 3), agreement=_agreement(result.agreement))
-    told = replace(_record(gate, result.outcome, result.reason), numbers=numbers)
+    told = replace(_record(gate, result.outcome, result.reason), numbers=numbers, autopsy=_autopsy(result))
     if result.ladder is None:
         return told
     rungs = tuple(RungRecord(rung.depth, rung.outcome, rung.reason, rung.samples,
                              *_numbers((rung.error, rung.low, rung.high))) for rung in result.ladder.rungs)
     return replace(told, wrong_from=_wrong_from(result.ladder), ladder=rungs)
+
+
+def _autopsy(result: GateResult) -> str:
+    return "\n".join(line.rstrip() for line in lines(result.autopsy)) if result.autopsy else ""
 
 
 def _wrong_from(ladder: Ladder) -> int | None:

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from harness.diagnosis import AutopsyRecord, autopsy
 from harness.errors import HarnessError
 from harness.estimators.base import Renderer
+from harness.estimators.tracer import Tracer
 from harness.gates.model import CurvePoint, Gate, GateResult
 from harness.samples.estimate import with_luminance
 from harness.stats.agreement import AgreementVerdict, agreement_verdict
@@ -21,8 +23,9 @@ from harness.stats.verdicts import GRAVITY
 SINGLES, MOST_SINGLES = 4, 32
 # How often agreement is looked at, at the most: each look may raise a false alarm.
 ROUNDS = (MOST_SINGLES // SINGLES).bit_length()
-# Where more samples than this differ, paths do not follow at all.
-ASTRAY = 0.5
+# Where more samples than this differ, paths do not follow at all: all that scatter differ then, and rays that meet
+# nothing but sky never do.
+ASTRAY = 0.25
 
 
 def agreed(gate: Gate, test: Renderer, reference: Renderer) -> tuple[Gate, AgreementVerdict]:
@@ -54,6 +57,23 @@ def with_agreement(result: GateResult, agreement: AgreementVerdict) -> GateResul
     told = [reason for its, reason in ((result.outcome, result.reason), (agreement.outcome, agreement.reason))
             if its == outcome]
     return replace(result, outcome=outcome, reason="; ".join(told), agreement=agreement)
+
+
+def dissected(result: GateResult) -> GateResult:
+    """A result with the autopsy of its paths, told in its reason."""
+    test = result.gate.test
+    assert isinstance(test, Tracer), "the parser couples nothing else"
+    found = autopsy(result.gate.scene, test.strategy, test.whole_library())
+    return replace(result, autopsy=found, reason=f"{result.reason}; {_named(found)}")
+
+
+def _named(found: AutopsyRecord) -> str:
+    """What an autopsy names, in half a sentence."""
+    if found.stage is None:
+        return f"no stage of {found.paths} paths differs (`harness autopsy --samples` looks at more)"
+    place = found.places[0] if found.places else None
+    where = f", computed by {place.function}, {place.file}:{place.line}" if place else ""
+    return f"the first stage that differs is '{found.stage}'{where}"
 
 
 def require_budget(gate: Gate, test: TileSamples, reference: TileSamples) -> None:

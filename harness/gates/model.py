@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from harness.diagnosis.record import AutopsyRecord
 from harness.errors import HarnessError
 from harness.estimators.base import Estimator
 from harness.samples.estimate import Estimate
@@ -28,6 +29,8 @@ MIN_FIRST_LOOK = 16
 MIN_REPLICAS = MIN_FIRST_LOOK * LOOK_SHARES[0]
 # A look at the first replicas of a shared reference must find each by itself (stats.tiles.MAX_BATCHES).
 MAX_REPLICAS = 256
+# By how much `--tight` narrows the tolerances of coupled gates: from 2e-5 of the mean to 5e-6.
+TIGHTER = 4
 # Pixels a side: no verdict gains by more, and the batches of such an image still fit into 2 GB.
 MAX_SIDE = 1024
 # A tolerance of tiles beyond 1 sees nothing but fireflies: for gates that mean the mean alone.
@@ -92,6 +95,13 @@ class Gate:
         if self.agreement is None:
             return None
         return PairedLooking(self.plan, self.tolerance, self.half_level, self.pass_level, self.largest)
+
+    def tightened(self) -> Gate:
+        """A coupled gate with a quarter of its tolerances and four times its samples: what a sample that has not come
+        yet may hide falls with their number."""
+        tolerance = Tolerance(*(allowed / TIGHTER for allowed in self.tolerance.sizes))
+        spp = self.spp * TIGHTER
+        return replace(self, tolerance=tolerance, spp=spp, reference_spp=spp)
 
     @property
     def half_level(self) -> float:
@@ -188,7 +198,7 @@ class GateResult:
     of the image and of every tile lies within its tolerance at the gate's confidence, so a bias as large as a tolerance
     passes with probability `pass_level` / 2 at the most: a gate that cannot see so far does not pass.
     `seconds` is wall time, the reference included. `ladder`: of a gate that failed, unless it was not asked for.
-    `agreement`: of a coupled gate.
+    `agreement`: of a coupled gate; `autopsy`: of one that failed.
     """
 
     gate: Gate
@@ -202,6 +212,7 @@ class GateResult:
     seconds: float
     ladder: Ladder | None = None
     agreement: AgreementVerdict | None = None
+    autopsy: AutopsyRecord | None = None
 
     @property
     def verdict(self) -> BiasVerdict:

@@ -302,9 +302,9 @@ class _Table:
     def over(self, defaults: _Table, standard: dict[str, Any]) -> _Table:
         """This table's values, and those of `defaults` and `standard` where it has none; tolerances one by one."""
         values = {**standard, **defaults.values, **self.values}
-        inherited, own = defaults.values.get("tolerance"), self.values.get("tolerance")
-        if isinstance(inherited, dict) and isinstance(own, dict):
-            values["tolerance"] = {**inherited, **own}
+        given = [table["tolerance"] for table in (standard, defaults.values, self.values) if "tolerance" in table]
+        if given and all(isinstance(tolerance, dict) for tolerance in given):
+            values["tolerance"] = {key: value for tolerance in given for key, value in tolerance.items()}
         merged = _Table(self.path, values, self.places, self.way)
         merged._elsewhere = {key: defaults.way for key in defaults.values if key not in self.values}
         return merged

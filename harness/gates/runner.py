@@ -14,7 +14,7 @@ from harness.errors import HarnessError
 from harness.estimators.base import Renderer
 from harness.gates.budget import factor_needed, tile_scale, too_small
 from harness.gates.contract import breach, one_image, remark
-from harness.gates.coupled import agreed, point, require_budget, with_agreement
+from harness.gates.coupled import agreed, dissected, point, require_budget, with_agreement
 from harness.gates.ladder import climb, told
 from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look
 from harness.gates.references import References
@@ -33,7 +33,8 @@ def run_gate(gate: Gate, references: References | None = None, *, progress: Prog
 
     `references`: those of a run of several gates, which share them. The test is always rendered, never read from a
     store, which a gate must not trust. Test and reference grow together. `ladder`: where it fails, run it at lesser
-    depths, and say from which on it is wrong (see `gates.ladder`). Raises HarnessError for a scene, estimator or
+    depths, and say from which on it is wrong (see `gates.ladder`); a coupled one is also dissected, to name the
+    function that is wrong (`harness.diagnosis`). Raises HarnessError for a scene, estimator or
     reference that cannot be used, and for a budget that the variance (not the error) of the first look shows to be too
     small to decide.
     """
@@ -41,7 +42,11 @@ def run_gate(gate: Gate, references: References | None = None, *, progress: Prog
     film = check_gate(gate)
     with nullcontext(references) if references else References() as held:
         result, broken = _run(gate, film, held, progress, began)
-        return _with_ladder(result, held) if ladder and result.outcome == "fail" and not broken else result
+        if ladder and result.outcome == "fail" and not broken:
+            result = _with_ladder(result, held)
+            if gate.agreement is not None:
+                result = dissected(result)
+        return result
 
 
 def _run(gate: Gate, film: Film, references: References, progress: Progress, began: float) -> tuple[GateResult, bool]:
@@ -52,7 +57,7 @@ def _run(gate: Gate, film: Film, references: References, progress: Progress, beg
         agreement = None
         if gate.agreement is not None:
             gate, agreement = agreed(gate, renderer, theirs.renderer)
-        looks = _look(gate, ours, theirs, advance)
+        looks = _look(gate, ours, theirs, advance, decided=agreement is not None and agreement.outcome == "fail")
         broken = breach(gate, ours)
         result = _result(gate, film, looks, ours, theirs, broken, time.perf_counter() - began)
         return (with_agreement(result, agreement) if agreement and not broken else result), bool(broken)
@@ -92,7 +97,9 @@ def opened(gate: Gate) -> Iterator[Renderer]:
         yield renderer
 
 
-def _look(gate: Gate, ours: Run, theirs: Run | FixedRun, advance: Callable[[float], None]) -> list[Look]:
+def _look(gate: Gate, ours: Run, theirs: Run | FixedRun, advance: Callable[[float], None], *,
+          decided: bool) -> list[Look]:
+    """Looks until a verdict; a single one where all is `decided` before."""
     done: list[Look] = []
     for number, replicas in enumerate(gate.looks):
         ours.grow(replicas, advance)
@@ -100,7 +107,7 @@ def _look(gate: Gate, ours: Run, theirs: Run | FixedRun, advance: Callable[[floa
         test, reference = ours.tiles(replicas), theirs.tiles(replicas)
         verdict = (gate.paired or gate.sequence).decide(number, test, reference)
         done.append(Look(gate.spp * replicas, int(reference.samples.sum()), verdict))
-        if verdict.outcome != "inconclusive" or breach(gate, ours):
+        if verdict.outcome != "inconclusive" or decided or breach(gate, ours):
             break
         if number == 0 and not gate.at_once:
             if gate.paired is not None:

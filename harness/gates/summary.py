@@ -84,6 +84,8 @@ def _section(result: GateRecord, folder: Path) -> str:
                   f'<p class="soft">{escape(result.why)} ({escape(result.origin)})</p>']
     if result.ladder:
         lines.append(_ladder(result))
+    if result.autopsy:
+        lines.append(f'<pre class="scroll">{escape(result.autopsy)}</pre>')
     if result.numbers:
         lines += [_tests(result.numbers),
                   '<div class="pictures">', *(_figure(result.gate, picture) for picture in ALL_PICTURES
@@ -97,6 +99,10 @@ def _tests(numbers: GateNumbers) -> str:
                    f'<td class="right">{percent(test.largest_error)}</td>'
                    f'<td class="right">±{percent(test.tolerance)}</td>'
                    f"<td>{escape(test.reason)}</td></tr>" for key, test in numbers.tests.items())
+    if agreement := numbers.agreement:
+        rows += (f'<tr><td>single samples</td><td class="{agreement.outcome}">{agreement.outcome}</td>'
+                 f'<td class="right">{percent(agreement.share)}</td><td class="right">{percent(agreement.tolerance)}'
+                 f"</td><td>{escape(agreement.reason)}</td></tr>")
     return ('<div class="scroll"><table><tr><th>test</th><th>outcome</th><th class="right">largest error</th>'
             f'<th class="right">tolerance</th><th>reason</th></tr>{rows}</table></div>')
 
