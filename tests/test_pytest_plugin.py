@@ -12,6 +12,7 @@ import pytest
 
 import harness.gates  # what in-process runs import must be there before and stay: it cannot be imported twice
 from harness.gates import artefacts, summary
+from harness.machine.mitsuba_runtime import use_reference_variant
 from tests.support.gates import GATES, write
 
 pytest_plugins = ["pytester"]
@@ -31,6 +32,7 @@ INI = "[pytest]\nharness_gates = gates.toml\n"
 def repository(pytester: pytest.Pytester) -> Path:
     """A repository with one gates file that is right, named in its ini file, and one test of its own."""
     assert harness.gates and artefacts and summary
+    use_reference_variant()  # a gate that fails asks Mitsuba
     write(pytester.path)
     pytester.makeini(INI)
     pytester.makepyfile("def test_own():\n    pass\n")
