@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from harness.diagnosis.autopsy import diagnose, examine, looks, opened
+from harness.diagnosis.autopsy import autopsy, diagnose, examine, looks, opened
 from harness.diagnosis.case import own_parts
 from harness.diagnosis.record import AutopsyRecord
 from harness.diagnosis.tally import Tally
 from harness.errors import ShaderError
+from harness.files import data_dir
 from harness.mutants.autopsy import as_own_files, wrong_functions
 from harness.mutants.catalogue import choose, load_catalogue, mutated
 from harness.mutants.variants import load_variants
 from harness.reference.coupled_steps import CoupledSteps
 from harness.scene import SceneFile
 from harness.shader.library import OURS, Library, OwnFile
+from harness.shader.own_files import own_library
 from tests.diagnosis.conftest import SIZE
 
 CATALOGUE = load_catalogue()
@@ -176,3 +180,16 @@ def test_each_path_counts_where_it_differs_first(spheres: CoupledSteps) -> None:
     with opened(spheres, "mixture", mutated(seeded)) as case:
         tally = examine(case, 1)
     assert 0 < sum(answers.first for answers in tally.answers.values()) <= tally.paths
+
+
+def test_a_file_of_ones_own_with_a_line_changed_is_asked_every_question(tmp_path: Path) -> None:
+    """Whose directions are ours is no other sampler: the line is found that a statistical test would miss."""
+    text = (data_dir("glsl") / "lib" / "phong.glsl").read_text(encoding="utf-8")
+    (tmp_path / "lib").mkdir()
+    line = "return eval_phong(m, cos_to_mirror) * (cos_l / pdf);"
+    assert line in text
+    (tmp_path / "lib" / "phong.glsl").write_text(text.replace(line, line.replace("cos_l", "1.0005 * cos_l")),
+                                                 encoding="utf-8")
+    found = autopsy(SceneFile.bundled("spheres", (48, 36)), "mixture", own_library(None, tmp_path))
+    assert (found.stage, found.notes) == ("weight", ())
+    assert found.places[0].function == "sample_phong" and "1.0005" in found.places[0].text
