@@ -233,8 +233,8 @@ class GateRecord:
 
     `why`: the reason for its tolerance; `origin`: file and line; `command`: what runs it again. These and what comes
     between them are empty where the gate could not even be read. `ladder`: what it says at lesser depths, where it was
-    asked (`gates.ladder`); `wrong_from`: the first depth at which it fails, None where that is not known. `autopsy`: the
-    report of one, of a coupled gate that failed.
+    asked (`gates.ladder`); `wrong_from`: the first depth at which it fails, None where that is not known. `autopsy`:
+    the report of one, of a coupled gate that failed.
     """
 
     gate: str

@@ -12,6 +12,7 @@ import pytest
 
 import harness.gates  # what in-process runs import must be there before and stay: it cannot be imported twice
 from harness.gates import artefacts, summary
+from harness.machine.mitsuba_runtime import use_reference_variant
 from tests.support.gates import GATES, write
 
 pytest_plugins = ["pytester"]
@@ -25,6 +26,12 @@ reference = { value = [0.5, 0.5, 0.51] }
 reason = "The reference is 2 % off in blue."
 """
 INI = "[pytest]\nharness_gates = gates.toml\n"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def mitsuba() -> None:
+    """Of a gate that fails Mitsuba is asked; it too must be there before `pytester` writes down what is imported."""
+    use_reference_variant()
 
 
 @pytest.fixture
@@ -132,7 +139,7 @@ class TestFailure:
         ])
         assert "Traceback" not in result.stdout.str()
         left = {path.name for path in (repository / "harness-results" / "wrong").iterdir()}
-        assert left == {*artefacts.IMAGES, *artefacts.PICTURES, artefacts.RESULT_FILE}
+        assert left == {*artefacts.IMAGES, *artefacts.PICTURES, artefacts.LADDER, artefacts.RESULT_FILE}
         assert {path.name for path in (repository / "harness-results" / "sky").iterdir()} == {artefacts.RESULT_FILE}
 
     def test_of_what_cannot_run_is_one_line(self, pytester: pytest.Pytester, repository: Path) -> None:

@@ -12,7 +12,12 @@ from harness.results import AgreementRecord, GateNumbers, GateRecord, LookRecord
 def as_json(record: GateRecord) -> dict[str, Any]:
     """One flat object, in which the numbers stand beside the rest; what is empty is left out."""
     told = {name: value for name, value in asdict(replace(record, numbers=None)).items() if value}
-    return told | asdict(record.numbers) if record.numbers else told
+    if record.numbers is None:
+        return told
+    numbers = asdict(record.numbers)
+    if record.numbers.agreement is None:
+        del numbers["agreement"]
+    return told | numbers
 
 
 def from_json(held: Mapping[str, Any]) -> GateRecord:

@@ -33,13 +33,13 @@ class Gates:
     @classmethod
     def of(cls, file: Path, tests: Path) -> Gates:
         """HarnessError for a malformed gates file, or a folder without test modules."""
-        family = load_gates(file)
+        family = _image_gates(file)
         modules = tuple(sorted((path for folder in MODULE_FOLDERS
                                 for path in (tests / folder).glob(f"{MODULE_PREFIX}*.py")), key=lambda path: path.name))
         if not modules:
             raise HarnessError(f"{tests}: no test modules in {' and '.join(MODULE_FOLDERS)}; name the folder "
                                "of the harness's tests")
-        return cls(file, modules, (*(gate.name for gate in family.gates), *(module.stem for module in modules)))
+        return cls(file, modules, (*(gate.name for gate in family), *(module.stem for module in modules)))
 
 
 def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
@@ -58,7 +58,7 @@ def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
         mutated(mutant)  # one that does not apply shows before the first is judged
     stems = [module.stem for module in gates.modules]
     needed = sorted({mutant.killer for mutant in mutants if mutant.killer in stems})
-    checks = [*_by_scene(load_gates(gates.file).gates), *([module] for module in needed)]
+    checks = [*_by_scene(_image_gates(gates.file)), *([module] for module in needed)]
     rows: list[tuple[State, ...]] = []
     with (tempfile.TemporaryDirectory(prefix="mutants-") as folder, progress(len(checks) + len(mutants), "mutants")
           as advance, executor("processes", jobs, partial(_start, gates, store, Path(folder))) as pool):
@@ -70,6 +70,12 @@ def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
             rows.append(tuple(states.get(name, "not run") for name in gates.names))
             advance(1)
     return KillMatrix(tuple(mutants), gates.names, tuple(rows))
+
+
+def _image_gates(file: Path) -> tuple[Gate, ...]:
+    """The gates whose reference is independent. Coupled ones would each kill nearly all, and hide which others do; what
+    the oracle makes of mutants is told by autopsies, which name them."""
+    return tuple(gate for gate in load_gates(file).gates if gate.agreement is None)
 
 
 def _by_scene(gates: Iterable[Gate]) -> list[list[str]]:
@@ -88,7 +94,7 @@ def _start(gates: Gates, store: Path | None, folder: Path) -> None:
     # Mutants are compiled far more often than they are drawn. Mesa's llvmpipe compiles twice as fast without LLVM's
     # optimisations, to the same bits, and draws 2 to 18 % slower, ray marching 80 %. It reads these when GL starts.
     os.environ.setdefault("GALLIVM_PERF", "nopt")
-    _here = Judge(load_gates(gates.file).gates, {module.stem: module for module in gates.modules}, store, folder)
+    _here = Judge(_image_gates(gates.file), {module.stem: module for module in gates.modules}, store, folder)
 
 
 def _check(names: Sequence[str]) -> str:

@@ -58,10 +58,10 @@ class TestReading:
     @pytest.mark.parametrize(("old", "new", "message"), [
         ("coupled = true }\nreason", "coupled = 1 }\nreason", r":16: expected true, found 1"),
         ('strategy = "cosine"', 'command = "myrt {scene} {seed} {spp} {out}"',
-         r"16: only our tracer's paths can be followed, and what is judged is myrt; hold it against reference = \{ spp"),
+         r"16: only our tracer's paths can be followed, and what is judged is myrt; hold it against reference"),
         ('strategy = "cosine"', 'strategy = "cosine"\nshader = "own.frag"',
          r"16: .*own\.frag traces paths of its own .* cannot be followed; hold it against reference = \{ spp"),
-        ("coarse = 0.004,", "mean = 1e-8, coarse = 0.004,", r"10: a coupled tolerance of 1e-08 \(mean\) lies below 5e-07"),
+        ("coarse = 0.004,", "mean = 1e-8, coarse = 0.004,", r"10: a coupled tolerance of 1e-08 \(mean\) lies"),
         ("reference = { coupled = true }\nreason", "agreement = 0.1\nreason", r":16: 'agreement' is of gates with"),
         ('scene = "diffuse"', 'scene = "glass.xml"', r"glass\.xml:\d+: .*dielectric"),
     ])

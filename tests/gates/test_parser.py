@@ -102,7 +102,7 @@ class TestRefusals:
         ('a = 1\nb = "', "gates.toml:2: malformed TOML: Unterminated string"),
         ("", "gates.toml:1: no gate in this file; add a [[gate]] with name, scene, strategy and reason"),
         ("[gate]\n", "gates.toml:1: 'gate' must be an array of tables: begin each with [[gate]]"),
-        ("gates = 1\n", "gates.toml:1: unknown key 'gates'; allowed: suite, defaults, gate"),
+        ("gates = 1\n", "gates.toml:1: unknown key 'gates'; allowed: suite, defaults, coupled, gate"),
         ("[suite]\n\nfalse_alarms = 1\n", "gates.toml:3: 'false_alarms' must be a number above 0 and below 0.5, found"),
         ("[suite]\nname = 1\n", "gates.toml:2: unknown key 'name'; allowed: false_alarms"),
         ("\n[defaults]\nname = 'x'\n", "gates.toml:3: unknown key 'name'; allowed: strategy, tolerance"),

@@ -14,6 +14,7 @@ from harness.gpu.samplers import Samplers
 from harness.reference.prepare import instantiate
 from harness.scene import Scene, load_scene
 from harness.shader.scene.chunk import scene_chunk
+from tests.support.scenes import AT_ORIGIN
 from tests.support.tracer import TracerRenderer, evaluate
 
 FREE_UNIT = 4  # of the texture units; the probe uses those before
@@ -189,8 +190,8 @@ def test_two_renderers_do_not_disturb_each_other(mi: Any, scene: Any, tmp_path: 
     """Their images are bound to the same units, one after the other; each renders what it renders alone."""
     seen = '<shape type="rectangle"><transform name="to_world"><translate z="2.5"/><rotate y="1" angle="180"/>' \
            '<translate z="5"/></transform><emitter type="area">{}</emitter></shape>'
-    scenes = [scene(seen.format(bitmap_xml(image(mi, tmp_path / f"{n}.exr", np.float32, n), name="radiance")))
-              for n in (1, 3, 4)]
+    scenes = [scene(seen.format(bitmap_xml(image(mi, tmp_path / f"{n}.exr", np.float32, n), name="radiance")),
+                    sensor=AT_ORIGIN) for n in (1, 3, 4)]
     alone = []
     for each in scenes:
         renderer = TracerRenderer(each, "cosine")

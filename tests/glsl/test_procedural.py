@@ -20,7 +20,7 @@ from harness.scene.noise import NUMPY
 from harness.scene.procedural import KINDS, ramp
 from harness.scene.procedural import evaluate as formula
 from harness.shader.scene.chunk import scene_chunk
-from tests.support.scenes import SceneWriter
+from tests.support.scenes import AT_ORIGIN, SceneWriter
 from tests.support.tracer import TracerRenderer, evaluate, library
 
 SCENES = data_dir("mitsuba_scenes")
@@ -177,7 +177,7 @@ def test_an_evenly_lit_plane_shows_its_texture(scene: SceneWriter) -> None:
                  '<shape type="rectangle"><transform name="to_world"><scale value="50"/><translate z="3"/>'
                  '</transform><boolean name="flip_normals" value="true"/><bsdf type="diffuse">'
                  '<texture type="marble" name="reflectance"><float name="frequency" value="30"/></texture></bsdf>'
-                 "</shape>")
+                 "</shape>", sensor=AT_ORIGIN)
     renderer = TracerRenderer(made, "cosine")
     found = renderer.render_batch(0, 0, 4096).mean[..., 0]
     renderer.release()

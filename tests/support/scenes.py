@@ -19,6 +19,9 @@ SENSOR = """<sensor type="perspective"><float name="fov" value="40"/>
     <transform name="to_world"><lookat origin="0, 0, 30" target="0, 0, 0" up="0, 1, 0"/></transform>
     <film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/><rfilter type="box"/></film>
     </sensor>"""
+# At the origin, looking along +z, +x to the left.
+AT_ORIGIN = """<sensor type="perspective"><float name="fov" value="40"/><film type="hdrfilm">
+    <integer name="width" value="8"/><integer name="height" value="8"/><rfilter type="box"/></film></sensor>"""
 INTEGRATOR = """<integrator type="path"><integer name="max_depth" value="4"/></integrator>"""
 
 SceneWriter = Callable[..., Scene]
