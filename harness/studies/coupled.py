@@ -38,7 +38,7 @@ SIDE = 96
 ALWAYS = "mixture"
 # Paths of more vertices than this cost too much to follow with a second strategy.
 LONG = 6
-# A sample has parted that is off by more than this part of the image's mean.
+# Of samples that differ, one has parted that is off by more than this part of the image's mean.
 PARTED = 0.01
 
 
@@ -122,10 +122,10 @@ def _compared(scene: str, strategy: str, test: Renderer, reference: Renderer, dr
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.float64(noise) / rest if np.sqrt(noise) > FLOAT32_FLOOR * whole else np.nan
         left = luminance(difference.mean) / np.maximum(mean, PARTED * whole)
-        parting = ~(np.abs(singles[0] - singles[1]) <= PARTED * whole).all(axis=-1)
+        far = ~(np.abs(singles[0] - singles[1]) <= PARTED * whole).all(axis=-1)
     apart = differing(singles[0], singles[1])
     return CoupledRecord(scene, strategy, drawn.replicas, drawn.spp, float(ratio), verdict.luminance, apart.size,
-                         int(apart.sum()), int(parting.sum()), time.perf_counter() - began, left)
+                         int(apart.sum()), int((apart & far).sum()), time.perf_counter() - began, left)
 
 
 def save_coupled(records: Sequence[CoupledRecord], folder: str | Path) -> None:

@@ -1,4 +1,4 @@
-"""The comparison with the coupled oracle: small scenes, a shader that is wrong, and files that come back as they were."""
+"""The comparison with the coupled oracle: small scenes, a wrong shader, and files that come back as they were."""
 
 from __future__ import annotations
 
@@ -22,10 +22,13 @@ RECORD = CoupledRecord("a scene", "mixture", 8, 4, np.inf, (1e-7, -2e-6, 3e-6), 
 
 
 def test_the_tracer_agrees_with_its_oracle() -> None:
-    """Far closer than the noise of either, and nearly every single sample by itself."""
+    """Far closer than the noise of either, nearly every pixel, and nearly every single sample by itself.
+
+    One path of 28,000 that parts leaves a ratio of some thousands; without any it is a million.
+    """
     record = measure_coupled(SceneFile.bundled("diffuse", (24, 18)), "cosine", DRAWN)
     assert record.left.shape == (18, 24) and record.singles == 2 * 24 * 18
-    assert record.ratio > 1e4
+    assert record.ratio > 100 and (np.abs(record.left) < 1e-6).mean() > 0.98
     assert record.differing <= 5 and record.parting <= record.differing
     error, low, high = record.error
     assert low <= 0 <= high and abs(error) < 1e-4

@@ -33,8 +33,8 @@ PLACE = 45
 TITLE, ANCHOR = "Under the microscope", "microscope"
 # So many scenes have a map, in rows of so many: those in which most is left.
 MAPS, IN_ROW = 8, 4
-# The finest scale of a map: below it is what float32 leaves of a pixel's sum.
-_FINEST = 1e-7
+# The finest scale of a map: half of it is what float32 leaves of a pixel's sum, to one side (`stats.paired`).
+_FINEST = 1e-6
 # What no sample showed is rarer than 3 in so many (the rule of three, at 95 %).
 _RULE_OF_THREE = 3
 
@@ -104,7 +104,7 @@ def _table(records: Sequence[CoupledRecord]) -> Table:
     caption = (
         "Scenes and strategies, tracer against oracle, in luminance. Variance: that of a pixel over that of its "
         "difference; none where all samples of a pixel agree. Differ: of single samples, those off by more than "
-        f"{formats.share(0.001)} of themselves in some channel; part: those off by more than {formats.share(0.01)} of "
+        f"{formats.share(0.001)} of themselves in some channel; part: those of them off by more than {formats.share(0.01)} of "
         "the image's mean; where none was seen, what the share is below, at 95 % confidence. Mean difference: of the "
         "image, relative, in parts in a million, with its 95 % interval, which also allows for what no sample has "
         "shown yet. Drawn: replicas × samples per pixel.")
@@ -125,8 +125,8 @@ def _maps(inputs: Inputs) -> Pictures:
     return Pictures(
         f"What is left: the relative difference of each pixel, blue where the tracer is darker, red where it is "
         f"brighter.{which} Every map has a scale of its own, to the 99th percentile, rounded up; what lies beyond "
-        "saturates. Rounding leaves a fine grain, paths that part leave single strong pixels; an even patch, or the "
-        "outline of one object, would be an error.", rows)
+        "saturates. Rounding leaves a fine grain, and faint even patches up to half a part in a million; paths that "
+        "part leave single strong pixels. A stronger patch, or the outline of one object, would be an error.", rows)
 
 
 def _map(record: CoupledRecord, stem: str) -> Picture:
