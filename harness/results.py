@@ -370,3 +370,81 @@ class KillRecord:
     survivors: tuple[str, ...]
     idle: tuple[str, ...]
     missed: tuple[str, ...]
+
+
+# missed: records of a scene change, but no stage is accused. unreached: no record of any scene changes.
+AutopsyOutcome = Literal["named", "misnamed", "missed", "unreached"]
+
+
+@dataclass(frozen=True)
+class NamedMutant:
+    """An autopsy of a mutant. `wrong`: functions that its line is in, or that use what it defines; `named`: first."""
+
+    id: str
+    topic: str
+    file: str
+    wrong: tuple[str, ...]
+    outcome: AutopsyOutcome
+    scene: str = ""
+    strategy: str = ""
+    stage: str = ""
+    named: tuple[str, ...] = ()
+    place: str = ""
+    share: float = 0.0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Acquitted:
+    """What the autopsy says of a shader that is right, on one scene: the stage that it accuses, empty if none."""
+
+    id: str
+    scene: str
+    strategy: str
+    stage: str
+    own: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class AutopsyScore:
+    """What `harness mutants --autopsy` found."""
+
+    mutants: tuple[NamedMutant, ...]
+    variants: tuple[Acquitted, ...]
+
+    def count(self, outcome: AutopsyOutcome) -> int:
+        """How many mutants have this outcome."""
+        return sum(mutant.outcome == outcome for mutant in self.mutants)
+
+    @property
+    def reached(self) -> int:
+        """Mutants that change a record of some scene."""
+        return len(self.mutants) - self.count("unreached")
+
+    @property
+    def accused(self) -> tuple[Acquitted, ...]:
+        """Right shaders that are accused all the same."""
+        return tuple(variant for variant in self.variants if variant.stage)
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledRecord:
+    """How far one strategy on one scene agrees with the oracle that draws the same random numbers.
+
+    `ratio`: the variance of a pixel over that of its difference, both averaged over the image; NaN where it has no
+    noise. `error`: of the image's mean, relative, with its 95 % interval (error, low, high). Of `singles`, samples
+    compared one by one, `differing` are off by more than 0.1 % of themselves, of these `parting` by over 1 % of the image's
+    mean. `left`: (H, W), the relative difference of each pixel. All but `singles` of luminance. `seconds`: elapsed.
+    """
+
+    scene: str
+    strategy: str
+    replicas: int
+    spp: int
+    ratio: float
+    error: tuple[float, float, float]
+    singles: int
+    differing: int
+    parting: int
+    seconds: float
+    left: np.ndarray

@@ -14,9 +14,9 @@ from harness.cli.output import JsonOption, print_json, print_rich, progress
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from harness.mutants.autopsy import AutopsyScore
     from harness.mutants.catalogue import Mutant
     from harness.mutants.matrix import KillMatrix
+    from harness.results import AutopsyScore
 
 # Shown for each state of a cell.
 SYMBOLS = {"killed": "X", "survived": "o", "untouched": "·", "not run": " "}

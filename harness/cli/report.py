@@ -9,12 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
-from harness.cli.options import BENCH_FILE, CALIBRATION_FILE, MUTANTS_FILE, DeviceOption, open_scene, open_store
+from harness.cli.options import (
+    AUTOPSY_FILE,
+    BENCH_FILE,
+    CALIBRATION_FILE,
+    MUTANTS_FILE,
+    DeviceOption,
+    open_scene,
+    open_store,
+)
 from harness.cli.output import JsonOption, log, print_json, progress
-from harness.errors import HarnessError, StoreError
+from harness.errors import HarnessError, SceneError, StoreError
 
 if TYPE_CHECKING:
-    from harness.results import Exhibit
+    from harness.results import CoupledRecord, Exhibit
     from harness.scene import Scene
 
 Found = TypeVar("Found")
@@ -40,7 +48,7 @@ def report(
     """
     from harness import bench, calibration
     from harness.files import data_dir, require_writable
-    from harness.mutants import matrix
+    from harness.mutants import autopsy, matrix
     from harness.report import Inputs, build_report
     from harness.studies.memo import remembered_study
     from harness.studies.plan import PROFILES, judged
@@ -60,6 +68,10 @@ def report(
             if fresh:
                 elapsed[scene.name] = time.perf_counter() - scene_began
             advance(1)
+    began_coupled = time.perf_counter()
+    coupled, fresh = _coupled(loaded)
+    if fresh:
+        elapsed["the coupled oracle"] = time.perf_counter() - began_coupled
     exhibits: Sequence[Exhibit] = ()
     if not scenes:
         from harness.course.memo import remembered_exhibits
@@ -68,10 +80,11 @@ def report(
         exhibits, fresh = remembered_exhibits(store, warn=_warn, progress=progress)
         if fresh:
             elapsed["the handout's errors"] = time.perf_counter() - began_exhibits
-    inputs = Inputs(results, profile, elapsed=elapsed, exhibits=exhibits,
+    inputs = Inputs(results, profile, elapsed=elapsed, exhibits=exhibits, coupled=coupled,
                     bench=_left(output / BENCH_FILE, bench.load, []),
                     calibration=_left(output / CALIBRATION_FILE, calibration.load, None),
-                    mutants=_left(output / MUTANTS_FILE, matrix.load, None))
+                    mutants=_left(output / MUTANTS_FILE, matrix.load, None),
+                    autopsies=_left(output / AUTOPSY_FILE, autopsy.load, None))
     pdf = build_report(inputs, output)
     items = {f"{result.scene} {item.strategy}": item
              for result in results for item in result.strategies if item.suits}
@@ -104,6 +117,25 @@ def _open_all(paths: Sequence[Path]) -> list[Scene]:
         named[scene.name] = path
         loaded.append(scene)
     return loaded
+
+
+def _coupled(scenes: Sequence[Scene]) -> tuple[list[CoupledRecord], bool]:
+    """Every scene against the coupled oracle, and whether any was measured now; without those that it cannot follow."""
+    from harness.studies.coupled import remembered_coupled
+
+    records: list[CoupledRecord] = []
+    measured = False
+    with progress(len(scenes), "the same paths by Mitsuba") as advance:
+        for scene in scenes:
+            try:
+                found, fresh = remembered_coupled(scene, warn=_warn)
+            except SceneError as error:
+                log(f"warning: {error}; the report does not compare its paths")
+            else:
+                records += found
+                measured |= fresh
+            advance(1)
+    return records, measured
 
 
 def _left(path: Path, load: Callable[[Path], Found], nothing: Found) -> Found:

@@ -6,9 +6,9 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from harness.mutants.catalogue import Mutant, mutated
 from harness.mutants.variants import Variant, load_variants
 from harness.progress import Progress, quiet
 from harness.reference.coupled_steps import CoupledSteps
+from harness.results import Acquitted, AutopsyOutcome, AutopsyScore, NamedMutant
 from harness.samples.cost import Watch
 from harness.scene import SceneFile
 from harness.scene import load as read
@@ -51,61 +52,6 @@ HOMES = {"lens": ("depth_of_field", "mixture"), "time": ("motion_blur", "mixture
          "lib/procedural.glsl": ("procedural", "mixture"), "lib/noise.glsl": ("procedural", "mixture")}
 # Autopsies of one task, after which it asks for another.
 CHUNK = 8
-
-# named: the first function is the one that the line is in. misnamed: another one is. missed: its records change, but no
-# stage is accused. unreached: no record of any scene changes.
-Outcome = Literal["named", "misnamed", "missed", "unreached"]
-
-
-@dataclass(frozen=True)
-class NamedMutant:
-    """What the autopsy says of one mutant. `wrong`: the functions that its line is in, or that use what it defines."""
-
-    id: str
-    topic: str
-    file: str
-    wrong: tuple[str, ...]
-    outcome: Outcome
-    scene: str = ""
-    strategy: str = ""
-    stage: str = ""
-    named: tuple[str, ...] = ()
-    place: str = ""
-    share: float = 0.0
-    seconds: float = 0.0
-
-
-@dataclass(frozen=True)
-class Acquitted:
-    """What the autopsy says of a shader that is right, on one scene: the stage that it accuses, empty if none."""
-
-    id: str
-    scene: str
-    strategy: str
-    stage: str
-    own: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class AutopsyScore:
-    """The table of a catalogue."""
-
-    mutants: tuple[NamedMutant, ...]
-    variants: tuple[Acquitted, ...]
-
-    def count(self, outcome: Outcome) -> int:
-        """Mutants with this outcome."""
-        return sum(mutant.outcome == outcome for mutant in self.mutants)
-
-    @property
-    def reached(self) -> int:
-        """Mutants that change a record of some scene."""
-        return len(self.mutants) - self.count("unreached")
-
-    @property
-    def accused(self) -> tuple[Acquitted, ...]:
-        """Right shaders that are accused all the same."""
-        return tuple(variant for variant in self.variants if variant.stage)
 
 
 def score(mutants: Sequence[Mutant], *, jobs: int = 1, variants: bool = True,
@@ -238,7 +184,7 @@ def _named(mutant: Mutant, record: AutopsyRecord, seconds: float) -> NamedMutant
     names = tuple(place.function for place in record.places)
     place = f"{record.places[0].file}:{record.places[0].line}" if record.places else ""
     stage = next(each for each in record.stages if each.stage == record.stage)
-    outcome: Outcome = "named" if names and names[0] in wrong else "misnamed"
+    outcome: AutopsyOutcome = "named" if names and names[0] in wrong else "misnamed"
     return NamedMutant(*head, outcome, record.scene, record.strategy, record.stage, names, place,
                        stage.first / record.paths, seconds)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from harness.errors import HarnessError
-from harness.results import BenchRow, Exhibit, KillRecord, StudyResult
+from harness.results import AutopsyScore, BenchRow, CoupledRecord, Exhibit, KillRecord, StudyResult
 from harness.stats.calibration import Calibration
 
 
@@ -18,7 +18,8 @@ class Inputs:
 
     `profile`: the word for how thorough the studies were. `elapsed`: wall-clock seconds of the steps before the report,
     by name. The rest as far as it was measured: `bench`, `mutants`: what `harness bench` and `harness mutants` found;
-    `exhibits`: the handout's errors; `calibration`: the verdicts' own errors.
+    `exhibits`: the handout's errors; `calibration`: the verdicts' own errors; `coupled`: the tracer against the oracle
+    that draws its random numbers; `autopsies`: what these name of mutants.
     """
 
     results: Sequence[StudyResult]
@@ -28,6 +29,8 @@ class Inputs:
     exhibits: Sequence[Exhibit] = ()
     calibration: Calibration | None = None
     mutants: KillRecord | None = None
+    coupled: Sequence[CoupledRecord] = ()
+    autopsies: AutopsyScore | None = None
 
     def __post_init__(self) -> None:
         names = [result.scene for result in self.results]

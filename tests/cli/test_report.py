@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from harness import bench, files, studies
+from harness.errors import SceneError
 from harness.policy import fail_level
 from harness.report import Inputs
 from harness.results import StudyResult
@@ -46,7 +47,8 @@ def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
     def refuse(*arguments: object, **options: object) -> None:
         raise AssertionError("a renderer was made")
 
-    for name in ("harness.estimators.tracer.TracerRenderer", "harness.estimators.mitsuba.ReferenceRenderer"):
+    for name in ("tracer.TracerRenderer", "mitsuba.ReferenceRenderer", "coupled.CoupledRenderer"):
+        name = f"harness.estimators.{name}"
         monkeypatch.setattr(name, refuse)
     second = harness("report", sky, "-o", "elsewhere")
     for done, folder in ((first, "out"), (second, "elsewhere")):
@@ -165,7 +167,8 @@ def test_all_scenes_of_a_report_share_the_rate_of_false_alarms(
 
 @pytest.mark.parametrize("content", ["", '{"rows": [{"scene": "x"}]}'])
 @pytest.mark.parametrize(("name", "kind"), [
-    ("bench", "a benchmark result"), ("calibration", "a calibration"), ("mutants", "a kill matrix")])
+    ("bench", "a benchmark result"), ("calibration", "a calibration"), ("mutants", "a kill matrix"),
+    ("autopsies", "a table of autopsies")])
 def test_what_is_damaged_beside_the_report_is_left_out_with_a_warning(
     harness: Harness, sky: Path, unset: list[Inputs], name: str, kind: str, content: str,
 ) -> None:
@@ -176,6 +179,34 @@ def test_what_is_damaged_beside_the_report_is_left_out_with_a_warning(
     assert done.err.startswith(f"warning: out/{name}.json: not {kind} (") and done.err.count("\n") == 1
     assert done.err.endswith("; the report goes without it\n")
     assert not getattr(unset[0], name)
+
+
+class TestCoupled:
+    """Every scene of a report is compared with the oracle that draws its random numbers, once."""
+
+    def test_records_are_kept_and_damaged_ones_measured_again(
+        self, harness: Harness, sky: Path, tmp_path: Path, unset: list[Inputs],
+    ) -> None:
+        assert harness("report", sky, "-o", "out").status == 0
+        file, = (tmp_path / "cache" / "coupled").glob("*/coupled.npz")
+        file.write_bytes(b"")
+        done = harness("report", sky, "-o", "out")
+        assert done.err.startswith(f"warning: {file}: missing or damaged (")
+        assert done.err.endswith("; the coupled images are drawn again\n") and done.err.count("\n") == 1
+        for built in unset:
+            assert [(record.scene, record.strategy, record.differing) for record in built.coupled] == [
+                ("sky", "mixture", 0), ("sky", "uniform", 0)]
+
+    def test_a_scene_that_the_oracle_cannot_follow_is_left_out_with_a_word(
+        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Inputs],
+    ) -> None:
+        def refuse(*arguments: object) -> None:
+            raise SceneError("sky.xml: too far")
+
+        monkeypatch.setattr("harness.studies.coupled.measure_coupled", refuse)
+        done = harness("report", sky, "-o", "out")
+        assert done.status == 0 and not unset[0].coupled
+        assert done.err == "warning: sky.xml: too far; the report does not compare its paths\n"
 
 
 class TestExhibits:
