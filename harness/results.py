@@ -433,7 +433,7 @@ class CoupledRecord:
 
     `ratio`: the variance of a pixel over that of its difference, both averaged over the image; NaN where it has no
     noise. `error`: of the image's mean, relative, with its 95 % interval (error, low, high). Of `singles`, samples
-    compared one by one, `differing` are off by more than 0.1 % of themselves, of these `parting` by over 1 % of the image's
+    compared one by one, `differing` are off by over 0.1 % of themselves, of these `parting` by over 1 % of the image's
     mean. `left`: (H, W), the relative difference of each pixel. All but `singles` of luminance. `seconds`: elapsed.
     """
 

@@ -18,7 +18,7 @@ from harness.studies.coupled import RECORDS_FILE, Drawn, load_coupled, measure_c
 
 DRAWN = Drawn(replicas=8, spp=8, singles=2)
 RECORD = CoupledRecord("a scene", "mixture", 8, 4, np.inf, (1e-7, -2e-6, 3e-6), 2048, 3, 1, 1.5,
-                       np.float32(np.random.default_rng(1).normal(size=(6, 8))).astype(np.float64))
+                       np.random.default_rng(1).normal(size=(6, 8)).astype(np.float32))
 
 
 def test_the_tracer_agrees_with_its_oracle() -> None:

@@ -104,10 +104,10 @@ def _table(records: Sequence[CoupledRecord]) -> Table:
     caption = (
         "Scenes and strategies, tracer against oracle, in luminance. Variance: that of a pixel over that of its "
         "difference; none where all samples of a pixel agree. Differ: of single samples, those off by more than "
-        f"{formats.share(0.001)} of themselves in some channel; part: those of them off by more than {formats.share(0.01)} of "
-        "the image's mean; where none was seen, what the share is below, at 95 % confidence. Mean difference: of the "
-        "image, relative, in parts in a million, with its 95 % interval, which also allows for what no sample has "
-        "shown yet. Drawn: replicas × samples per pixel.")
+        f"{formats.share(0.001)} of themselves in some channel; part: those of them off by more "
+        f"than {formats.share(0.01)} of the image's mean; where none was seen, what the share is below, at 95 % "
+        "confidence. Mean difference: of the image, relative, in parts in a million, with its 95 % interval, "
+        "which also allows for what no sample has shown yet. Drawn: replicas × samples per pixel.")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Variance\nratio", "right"),
                Column("Differ", "right"), Column("Part", "right"), Column("Mean difference\nin a million", "right"),
                Column("Drawn", "right"), Column("Seconds", "right"))
