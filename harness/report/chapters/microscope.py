@@ -76,8 +76,9 @@ def _remarks(inputs: Inputs) -> tuple[Remark, ...]:
         + (f"; not of {formats.words(off)}, which may be rounding: it can lie to one side." if off else "."))]
     ratios = [record.ratio for record in records if np.isfinite(record.ratio)]
     if ratios:
-        remarks.append(Remark(f"The variance of the difference is {_times(min(ratios))} to {_times(max(ratios))} "
-                              "smaller than that of an image; as many times the samples would two renders with random "
+        remarks.append(Remark(f"The variance of an image is {formats.significant(min(ratios), 2)} to "
+                              f"{formats.significant(max(ratios), 2)} times that of the difference; as many times the "
+                              "samples would two renders with random "
                               "numbers of their own take to show the same."))
     seen = {record.scene for record in records}
     missing = [result.scene for result in inputs.results if result.scene not in seen]
@@ -144,10 +145,6 @@ def _limit(limit: float) -> str:
 
 def _ratio(ratio: float) -> str:
     return "identical" if ratio == np.inf else formats.significant(ratio, 2)
-
-
-def _times(ratio: float) -> str:
-    return f"{formats.significant(ratio, 2)}{formats.TIMES}"
 
 
 def _share(hits: int, samples: int) -> str:
