@@ -28,9 +28,12 @@ REPLICA, FIRST = 3, 5
 # Moments of the shutter's interval that the looks take in turn, in [0, 1).
 MOMENTS = (0.3, 0.85, 0.6, 0.05)
 SAMPLES = 2
-# The share of answers that must differ for a part to be the author's own: of a generator or sampler with a defect few
-# do, unless it is another one altogether; a loop of one's own takes a number more on some of its paths.
-OTHERWISE = {"generator": 0.5, "sampler": 0.5, "loop": 0.01}
+# By which questions a part shows that it behaves otherwise than ours, and the share of answers that must then differ:
+# of a sampler with a defect few do, unless it is another one altogether; of a loop of one's own all may follow ours but
+# on the few paths where it takes a number more, or where a ray starts.
+OTHERWISE = {"generator": (("seed", "numbers"), 0.5),
+             "sampler": (("draws", "direction", "frame", "azimuth", "lobe"), 0.05),
+             "loop": (("numbers", "draws", "offset", "origin", "goes on"), 1e-3)}
 
 
 def looks(case: Case, samples: int) -> Iterator[Look]:
@@ -122,12 +125,11 @@ def settled(case: Case) -> Case:
         return case
     answers = examine(replace(case, own=frozenset()), 1).answers
 
-    def apart(*names: str) -> float:
-        return max(answers[name].differs / max(answers[name].asked, 1) for name in names)
+    def behaves(part: str) -> bool:
+        names, share = OTHERWISE[part]
+        return any(answers[name].differs > share * answers[name].asked for name in names)
 
-    behaves = {"generator": apart("seed", "numbers"), "sampler": apart("draws", "direction"),
-               "loop": apart("numbers", "draws")}
-    return replace(case, own=frozenset(part for part in case.own if behaves[part] > OTHERWISE[part]))
+    return replace(case, own=frozenset(part for part in case.own if behaves(part)))
 
 
 def diagnose(case: Case, samples: int = SAMPLES, progress: Progress = quiet) -> AutopsyRecord:
