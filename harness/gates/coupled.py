@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from harness.diagnosis import AutopsyRecord, autopsy
-from harness.errors import HarnessError
 from harness.estimators.base import Renderer
 from harness.estimators.tracer import Tracer
 from harness.gates.model import CurvePoint, Gate, GateResult
 from harness.samples.estimate import with_luminance
 from harness.stats.agreement import AgreementVerdict, agreement_verdict
 from harness.stats.channels import Channel
+from harness.stats.contrasts import DARK_TILE
 from harness.stats.needed import times
 from harness.stats.paired import largest_sample, paired_verdict
 from harness.stats.tiles import TileSamples
@@ -82,10 +82,10 @@ def require_budget(gate: Gate, test: TileSamples, reference: TileSamples) -> Non
     assert gate.paired is not None, "only coupled gates ask"
     factor = gate.paired.too_small(0, test, reference)
     if factor is not None:
-        raise HarnessError(str(gate.error(
+        raise gate.error(
             f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small for its tolerance: a "
             f"sample that has not come yet may hide more; about {times(factor)} the samples would do, or wider "
-            "tolerances")))
+            "tolerances")
 
 
 def point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) -> CurvePoint:
@@ -96,5 +96,5 @@ def point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) -
                                           pass_level=gate.pass_level).luminance
     ours, theirs = (side.means.mean(axis=0)[..., Channel.LUMINANCE] for side in (test, reference))
     whole = theirs.mean()
-    off = (ours - theirs) / np.maximum(np.abs(theirs), 0.01 * abs(whole)) if whole else np.zeros_like(theirs)
+    off = (ours - theirs) / np.maximum(np.abs(theirs), DARK_TILE * abs(whole)) if whole else np.zeros_like(theirs)
     return CurvePoint(samples, error, low, high, float(np.sqrt((off**2).mean())))
