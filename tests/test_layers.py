@@ -25,7 +25,7 @@ FLOORS = (
     ("api", "diagnosis", "studies"),
     ("bench", "course"),
     ("report",),
-    ("gates",),
+    ("gates", "grading"),
     ("calibration", "mutants"),
     ("cli", "pytest_plugin"),
     ("__init__", "__main__"),
