@@ -200,7 +200,7 @@ class _Program:
             file = one.source.files[0][0] if one.source.files else one.name
             raise ShaderError(f"{file}: cannot be handed to the compiler: {' '.join(str(error).split())[:200]}; "
                               "write it in ASCII, and include by \"NAME\"") from None
-        members = {name: self._program[name] for name in self._program}
+        members: dict[str, Any] = {name: self._program[name] for name in self._program}
         self.uniforms = {re.split(r"[.\[]", name)[0] if member.array_length > 1 else name: member
                          for name, member in members.items() if isinstance(member, moderngl.Uniform)}
         self.samplers = {name: _SAMPLERS[member.gl_type] for name, member in self.uniforms.items()
@@ -251,7 +251,7 @@ class _Program:
 
 
 def _explained(one: ShaderPass, log: str, line_offset: int) -> ShaderError:
-    """The first error of a log; where it has no line (recursion, linking), what the compiler says and nothing around."""
+    """The first error of a log; where it has no line (recursion, linking), what the compiler says, and that alone."""
     explained = str(one.source.explain(log, line_offset))
     if log.startswith("GLSL") and " ".join(log.split()) in explained:
         errors = _ERROR.findall(log) or [log.strip().splitlines()[-1]]

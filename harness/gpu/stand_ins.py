@@ -62,6 +62,6 @@ class StandIns:
             with Image.open(path) as image:
                 pixels = image.convert("RGBA").transpose(Image.Transpose.FLIP_TOP_BOTTOM)
         except (OSError, ValueError, Image.DecompressionBombError) as error:
-            raise HarnessError(f"{path}: not a picture that can be read ({' '.join(str(error).split())}); give a PNG or "
-                               "JPEG file") from None
+            raise HarnessError(f"{path}: not a picture that can be read ({' '.join(str(error).split())}); give a "
+                               "PNG or JPEG file") from None
         return self._gl.texture(pixels.size, 4, pixels.tobytes())

@@ -1,7 +1,7 @@
 """`python -m harness.strangers.child`: draws a stranger's frames, one order a line, in a process that may be lost.
 
-Orders come as JSON lines on standard input, answers go as JSON lines to standard output, and arrays lie beside it as .npy
-files. Nothing of the answers is taken for anything but numbers. What a driver prints goes to standard error.
+Orders come as JSON lines on standard input, answers go as JSON lines to standard output, and arrays lie in .npy files.
+Nothing of the answers is taken for anything but numbers. What a driver prints goes to standard error.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Child:
         """See `single.draw_singles`."""
         found = draw_singles(self.frames, pickle.loads(Path(law).read_bytes()), numbers, keep=bool(stack), **options)
         np.save(to, found.sum)
-        if stack:
+        if found.stack is not None:
             np.save(stack, found.stack)
         return {"rejected": found.rejected}
 

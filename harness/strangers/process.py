@@ -166,13 +166,13 @@ class Process:
             raise MachineError(f"the process that draws strangers' shaders cannot start: {lost.said}; `harness doctor` "
                                "tells what is missing") from None
 
-    def _timed(self, frames: int, do: str, **arguments: Any) -> dict[str, Any]:
+    def _timed(self, drawn: int, do: str, **arguments: Any) -> dict[str, Any]:
         """An order that draws so many frames: the more time they may take, the longer the slowest took."""
-        if self._slowest == 0.0 and frames > 1:
+        if self._slowest == 0.0 and drawn > 1:
             self._timed(1, "frame", moment=[self.contract.first_frame, 0, 0.0, 0])
-        allowed = frames * self.limits.factor * self._slowest if self._slowest else self.limits.first
+        allowed = drawn * self.limits.factor * self._slowest if self._slowest else self.limits.first
         answer = self._ask(do, max(allowed, self.limits.least) if self._slowest else allowed, **arguments)
-        self._slowest = max(self._slowest, answer["took"] / frames)
+        self._slowest = max(self._slowest, answer["took"] / drawn)
         return answer
 
     def _ask(self, do: str, seconds: float, **arguments: Any) -> dict[str, Any]:
@@ -265,8 +265,8 @@ def _ends_soon(child: subprocess.Popen[bytes]) -> bool:
 
 
 def _memory(limits: Limits) -> str:
-    return (f"takes more than {limits.memory / 2**30:.2g} GiB of memory; look for an array or a literal that is far too "
-            "large")
+    return (f"takes more than {limits.memory / 2**30:.2g} GiB of memory; look for an array or a literal that is far "
+            "too large")
 
 
 def _how(lost: Lost, do: str, limits: Limits) -> str:
@@ -282,8 +282,8 @@ def _how(lost: Lost, do: str, limits: Limits) -> str:
     if lost.signal < 0:
         return f"{what} ended the process that draws it: {lost.said}"
     name = signal.Signals(lost.signal).name
-    return (f"{what} crashes the driver ({name}), often for want of memory or stack; look for recursion, and for arrays "
-            "or expressions that are far too large")
+    return (f"{what} crashes the driver ({name}), often for want of memory or stack; look for recursion, and for "
+            "arrays or expressions that are far too large")
 
 
 def limits_of(limits: Limits) -> dict[str, Any]:

@@ -28,7 +28,8 @@ void main() { vec4 c = vec4(0.0, 0.0, 0.0, 1.0); mainImage(c, gl_FragCoord.xy); 
 RANDOM = """
 uint state_;
 float rnd() { state_ = state_ * 747796405u + 2891336453u;
-  uint w = ((state_ >> ((state_ >> 28u) + 4u)) ^ state_) * 277803737u; return float(((w >> 22u) ^ w) >> 8u) / 16777216.0; }
+  uint w = ((state_ >> ((state_ >> 28u) + 4u)) ^ state_) * 277803737u;
+  return float(((w >> 22u) ^ w) >> 8u) / 16777216.0; }
 uint hash_(uint x) { x ^= x >> 16u; x *= 0x7feb352du; x ^= x >> 15u; x *= 0x846ca68bu; return x ^ (x >> 16u); }
 void seed_(uvec2 p, uint n) { state_ = hash_(p.x + hash_(p.y + hash_(n))); }
 """
@@ -58,5 +59,5 @@ def shadertoy(body: str, name: str = "BufferA.glsl") -> Contract:
 SAMPLE = "vec3(0.1) + vec3(0.8, 0.4, 0.2) * rnd()"
 SUM = ("void main() { uvec2 p = uvec2(gl_FragCoord.xy); seed_(p, uint(numpass)); vec4 old = numpass > 0 ? "
        f"texelFetch(pingpong0, ivec2(p), 0) : vec4(0.0); outBuffer0 = old + vec4({SAMPLE}, 1.0); }}")
-MEAN = ("void mainImage(out vec4 c, in vec2 p) { seed_(uvec2(p), uint(iFrame)); vec3 old = texelFetch(iChannel0, ivec2(p)"
-        f", 0).rgb; vec3 s = {SAMPLE}; c = vec4(mix(old, s, 1.0 / float(iFrame + 1)), 1.0); }}")
+MEAN = ("void mainImage(out vec4 c, in vec2 p) { seed_(uvec2(p), uint(iFrame)); "
+        f"vec3 old = texelFetch(iChannel0, ivec2(p), 0).rgb; vec3 s = {SAMPLE}; c = vec4(mix(old, s, 1.0 / float(iFrame + 1)), 1.0); }}")
