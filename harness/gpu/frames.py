@@ -19,6 +19,7 @@ from harness.errors import ShaderError
 from harness.gpu.context import _line_offset, context, device
 from harness.gpu.stand_ins import StandIns
 from harness.shader.contract import Channel, Contract, Role, ShaderPass
+from harness.shader.source import LINE_STRIDE
 
 # A steady clock: frames of a second.
 FRAME_RATE = 60.0
@@ -31,6 +32,7 @@ _INTEGERS = "iI"
 # Characters of a compiler's message, and of the line that it is about, that are shown.
 MOST = 200
 _ERROR = re.compile(r"error: (.*)")
+_UNSET = re.compile(r"^\d+:(\d+)\(\d+\): warning: `(\w+)' used uninitialized", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -263,6 +265,23 @@ def _explained(one: ShaderPass, log: str, line_offset: int) -> ShaderError:
 def _log(text: str) -> str:
     """A compiler's log in ASCII: what it quotes of the author's may be anything."""
     return text.encode("ascii", "replace").decode("ascii")
+
+
+def unset_variables(one: ShaderPass) -> list[tuple[str, str]]:
+    """Variables of which the compiler warns that they are read before they have a value: (file:line, name).
+
+    It only speaks when a text fails, so it is given one that does.
+    """
+    gl = context()
+    try:
+        gl.program(vertex_shader=one.vertex, fragment_shader=f"{one.source.text}\nthis does not compile").release()
+    except (moderngl.Error, UnicodeError, KeyError, ValueError) as error:
+        found = _UNSET.findall(_log(str(error)))
+        offset = _line_offset(gl)
+        places = [(*divmod(int(line) - offset, LINE_STRIDE), name) for line, name in found]
+        return [(f"{one.source.files[file - 1][0]}:{number}", name) for file, number, name in places
+                if 1 <= file <= len(one.source.files)]
+    return []
 
 
 def _quad(gl: moderngl.Context, program: Any, members: Mapping[str, Any]) -> Any:

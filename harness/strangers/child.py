@@ -20,7 +20,7 @@ import numpy as np
 
 from harness.errors import HarnessError, MachineError, ShaderError
 from harness.gpu.context import describe_gl, device
-from harness.gpu.frames import Frames, Moment, iterations_limit
+from harness.gpu.frames import Frames, Moment, iterations_limit, unset_variables
 from harness.strangers.single import draw_singles, loop
 
 # Bytes of one file that the process may write: an image, or a stack of them.
@@ -80,6 +80,10 @@ class Child:
     def loop(self, frames: int, first: int | None, to: str) -> dict[str, Any]:
         np.save(to, loop(self.frames, frames, first=first))
         return {}
+
+    def unset(self) -> dict[str, Any]:
+        """Variables that the compiler takes for unset in any pass."""
+        return {"found": [list(found) for one in self.frames.contract.passes for found in unset_variables(one)]}
 
     @property
     def frames(self) -> Frames:

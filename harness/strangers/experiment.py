@@ -5,7 +5,7 @@ None of them needs a reference: each holds the shader against itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from harness.strangers.accumulation import FRAMES, judge_accumulation, radiance_
 from harness.strangers.findings import Accumulation, Finding, Findings
 from harness.strangers.law import LawFound, find_law, inner, weight_is_of_the_new, with_weight_of_the_new
 from harness.strangers.process import Process
-from harness.strangers.seeds import find_repeats
+from harness.strangers.seeds import ROUNDING, find_repeats
 from harness.strangers.single import Encoding
 
 # Frames that random numbers are looked for repeats in.
@@ -80,12 +80,15 @@ class _Experiments:
         found = list(self._samples_alone(stack, result))
         encoding: Encoding = ""
         if not any(one.kind in ("never_writes", "black", "nan_flood") for one in found):
-            found += [*self._past(), *self._seeds(stack), *self._weights(stack), *self._clock(stack)]
+            found += self._joined(accumulation)
+            clock = list(self._clock(stack))
+            found += [*self._past(), *clock, *self._weights(stack), *self._unset(stack)]
+            if not any(one.kind == "clock" for one in clock):  # what moves repeats
+                found += self._seeds(stack)
             if thorough:
-                found += [*self._iterations(), *self._sizes(stack)]
+                found += [*self._iterations(), *self._sizes(stack, found)]
                 tried, encoding = self._lines()
                 found += tried
-        found += self._joined(accumulation)
         self.process.open(self.contract, self.size)
         order = {"fault": 0, "warning": 1, "note": 2}
         return Findings(self.contract, self.found.told, accumulation,
@@ -109,7 +112,7 @@ class _Experiments:
             yield Finding("past_elsewhere", "fault", "accumulation",
                           f"a pixel of the past {self.found.shift}; read it at its own place: texelFetch(…, "
                           "ivec2(gl_FragCoord.xy), 0)")
-        elif accumulation.outcome == "fail":
+        elif accumulation.outcome == "fail" and self.law.kind != "other":
             kind = "blend" if self.law.kind == "blend" else "counts_wrongly"
             yield Finding(kind, "fault", "accumulation", accumulation.told, evidence=(("factor", accumulation.factor),))
         if self.law.kind == "none" and any(channel.reads == "self" for one in self.contract.passes
@@ -126,13 +129,14 @@ class _Experiments:
         drawn = self.process.read(self.contract.radiance)
         untouched = float((drawn == np.float32(STALE)).all(axis=-1).mean())
         broken = float((~np.isfinite(stack).all(axis=-1)).mean())
-        if untouched == 1.0 and float(np.nan_to_num(stack).std()) == 0:
+        if not lines.writes(self.contract) or (untouched == 1.0 and not np.nan_to_num(stack).any()):
             yield Finding("never_writes", "fault", "shader", "it never writes its output: a frame leaves what was there")
-        elif untouched > 0 and self.law.kind != "sum":
+            return
+        if untouched > 0 and self.law.kind != "sum":
             yield Finding("leaves_pixels", "warning", "shader",
                           f"a frame leaves {untouched:.0%} of the pixels as they were: it discards them, or writes "
                           "nothing there")
-        elif not np.nan_to_num(stack).any():
+        if broken < 1 and not np.nan_to_num(stack).any():
             yield Finding("black", "fault", "estimator", "every pixel of every frame is 0: it shows nothing")
         if broken > FLOOD:
             yield Finding("nan_flood", "fault", "estimator",
@@ -155,13 +159,10 @@ class _Experiments:
             self.process.clear(value)
             self.process.frame(Moment.of(self.first, 0))
             drawn.append(self.process.read(self.contract.radiance)[inner(self.size)][:, :3])
-        if not np.array_equal(*drawn, equal_nan=True) and self.law.kind != "none":
-            stale = self.contract.host in STALE_HOSTS
-            where = f"in {self.contract.host} that holds whatever was drawn before" if stale else (
-                "its host clears it, others do not")
-            yield Finding("stale_past", "fault" if stale else "note", "accumulation",
-                          f"the first frame reads its past, and {where}; begin anew where the frame's number is "
-                          f"{self.first}")
+        if self.contract.host in STALE_HOSTS and not np.array_equal(*drawn, equal_nan=True):
+            yield Finding("stale_past", "fault", "accumulation",
+                          "the first frame reads its past, which in Gratin holds whatever was drawn before; begin anew "
+                          f"where the frame's number is {self.first}")
 
     def _seeds(self, stack: np.ndarray) -> Iterator[Finding]:
         values = luminance(stack)
@@ -203,9 +204,28 @@ class _Experiments:
             yield Finding("clock", "fault", "estimator", f"the picture itself changes with the clock ({away}): frames of "
                           "different times cannot be averaged")
 
-    def _sizes(self, stack: np.ndarray) -> Iterator[Finding]:
-        """Is the picture the same on a larger film?"""
-        if self.contract.size:
+    def _unset(self, stack: np.ndarray) -> Iterator[Finding]:
+        """Is it another picture where every variable starts at zero?"""
+        try:
+            self.process.open(lines.with_zeros(self.contract), self.size)
+            numbers = range(self.first + 1, self.first + 1 + TRIAL_FRAMES)
+            zeroed = self._alone(numbers)
+        except ShaderError:  # a text that cannot be changed so
+            self.process.open(self.contract, self.size)
+            return
+        self.process.open(self.contract, self.size)
+        share = float((~np.isclose(zeroed, stack[:TRIAL_FRAMES], rtol=1e-3, atol=1e-6, equal_nan=True)).mean())
+        if share > 0:
+            warned = self.process.unset()
+            where, name = warned[0] if warned else ("", "")
+            which = f"'{name}'" if name else "some variable"
+            yield Finding("unset_variable", "fault", "shader",
+                          f"{which} is read before it has a value: with all variables at zero {share:.1%} of the samples "
+                          "are others, and every driver has its own", where, (("share", share),))
+
+    def _sizes(self, stack: np.ndarray, found: Sequence[Finding]) -> Iterator[Finding]:
+        """Is the picture the same on a larger film? Of noise that repeats nobody can tell."""
+        if self.contract.size or any(one.kind in ("ignores_seed", "clock", "repeats_period") for one in found):
             return
         larger = (2 * self.size[0], 2 * self.size[1])
         self.process.open(self.contract, larger)
@@ -269,7 +289,8 @@ STALE_HOSTS = ("gratin", "body", "native")
 
 
 def _equal_frames(stack: np.ndarray) -> bool:
-    return bool(np.nan_to_num(np.ptp(stack, axis=0)).max() == 0)
+    values = np.nan_to_num(stack)
+    return bool((np.ptp(values, axis=0) <= ROUNDING * (np.abs(values).max(axis=0) + 1e-30)).all())
 
 
 def _parts(one: np.ndarray, other: np.ndarray, matters: float = MATTERS) -> str:

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.shader.contract import Contract
+from harness.shader.contract import Contract, ShaderPass
 from harness.shader.source import LINE_STRIDE, ShaderSource
+from harness.shader.zero_init import zero_initialised
 from harness.strangers.law import radiance_pass
 from harness.strangers.single import EXPONENTS, Encoding
 
@@ -20,6 +21,8 @@ from harness.strangers.single import EXPONENTS, Encoding
 SENTINEL = 9
 # Lines that are tried at the most, of each kind.
 MOST_LINES = 6
+# Characters of a line that a message shows.
+MOST_SHOWN = 100
 # What differs by less is rounding.
 ALIKE = 1e-3
 
@@ -81,18 +84,39 @@ def with_sentinel(contract: Contract) -> Contract | None:
     head = re.match(r"\s*#\s*version[^\n]*\n", text)
     if not name or not head:
         return None
+    # What the author computed must count for something, or the compiler leaves it out.
     after = (f"\n#undef main\nuniform int sentinel_bound_;\nvoid main() {{ author_main_(); int counted_ = 0; "
-             f"for (int i_ = 0; i_ < sentinel_bound_; ++i_) ++counted_; {name} = vec4(float(counted_)); }}\n")
+             f"for (int i_ = 0; i_ < sentinel_bound_; ++i_) ++counted_; "
+             f"{name} = vec4(float(counted_) + ({name}.x == 0.123456 ? 0.5 : 0.0)); }}\n")
     wrapped = with_text(contract, f"{head[0]}#define main author_main_\n#line 2\n{text[head.end():]}{after}")
     return replace(wrapped, values=(*contract.values, ("sentinel_bound_", SENTINEL)))
+
+
+def with_zeros(contract: Contract) -> Contract:
+    """The contract in which every variable starts at zero, in all passes."""
+    def zeroed(one: ShaderPass) -> ShaderPass:
+        version, end, rest = one.source.text.partition("\n")
+        return replace(one, source=replace(one.source, text=f"{version}{end}{zero_initialised(rest)}"))
+
+    return replace(contract, passes=tuple(zeroed(one) for one in contract.passes))
+
+
+def writes(contract: Contract) -> bool:
+    """Whether the text names its output at all besides declaring it, or its `mainImage` its colour."""
+    flat = bare(radiance_pass(contract).source.text)
+    if image := re.search(r"void\s+mainImage\s*\(\s*(?:out|inout)\s+(?:\w+\s+)?vec4\s+(\w+)[^{;]*\{", flat):
+        return len(re.findall(rf"\b{image[1]}\b", flat[image.end():])) > 0
+    output = _OUTPUT.search(flat)
+    return not output or len(re.findall(rf"\b{output[1]}\b", flat)) > 1
 
 
 def loops(contract: Contract) -> list[str]:
     """Places of the author's loops, those without a bound first."""
     source = radiance_pass(contract).source
     lines = list(zip(places(source), bare(source.text).splitlines(), strict=True))
-    endless = [where for where, line in lines if where and re.search(r"while\s*\(\s*true|for\s*\([^;]*;\s*;", line)]
-    rest = [where for where, line in lines if where and re.search(r"\b(?:for|while)\s*\(", line)]
+    lines = [(where, line) for where, line in lines if where]
+    endless = [where for where, line in lines if re.search(r"while\s*\(\s*true|for\s*\([^;]*;\s*;", line)]
+    rest = [where for where, line in lines if re.search(r"\b(?:for|while)\s*\(", line)]
     return list(dict.fromkeys([*endless, *rest]))
 
 
@@ -178,4 +202,5 @@ def _without(contract: Contract, start: int, end: int, kept: str, where: str, *,
     """The contract with a call replaced by one of its arguments."""
     text = radiance_pass(contract).source.text
     line = text.splitlines()[text.count("\n", 0, start)].strip()
+    line = line if len(line) <= MOST_SHOWN else f"{line[:MOST_SHOWN]}…"
     return Trial(with_text(contract, f"{text[:start]}({kept}){text[end:]}"), where, line, bound, encoding)

@@ -138,6 +138,11 @@ class Process:
         self._timed(frames, "loop", frames=frames, first=first, to=self._path("loop.npy"))
         return self._load("loop.npy", (self._size[1], self._size[0], 4))
 
+    def unset(self) -> list[tuple[str, str]]:
+        """Variables that the compiler takes for unset: (file:line, name)."""
+        found = self._ask("unset", self.limits.first)["found"]
+        return [(str(where), str(name)) for where, name in found]
+
     def close(self) -> None:
         """End the child."""
         if self._child is not None:
