@@ -75,6 +75,7 @@ class Process:
         self._contract: Contract | None = None
         self._size = (0, 0)
         self._slowest = 0.0  # seconds of a frame
+        self.spent = 0.0  # of the processor, in the child, by all orders so far
         self._pending = b""
 
     def __enter__(self) -> Process:
@@ -127,11 +128,12 @@ class Process:
                 seconds: float | None = None, count: int | None = None) -> Singles:
         """`single.draw_singles`, in the child."""
         width, height = self._size
-        answer = self._timed(len(numbers), "singles", law=self._keep("law.pickle", law), numbers=list(numbers),
-                             to=self._path("sum.npy"), stack=self._path("stack.npy") if keep else "",
-                             options={"encoding": encoding, "seconds": seconds, "count": count})
+        self._timed(len(numbers), "singles", law=self._keep("law.pickle", law), numbers=list(numbers),
+                    to=self._path("sum.npy"), stack=self._path("stack.npy") if keep else "",
+                    options={"encoding": encoding, "seconds": seconds, "count": count})
         stack = self._load("stack.npy", (len(numbers), height, width, 3)) if keep else None
-        return Singles(self._load("sum.npy", (height, width, 3)), len(numbers), int(answer["rejected"]), stack)
+        total = self._load("sum.npy", (height, width, 4))
+        return Singles(total[..., :3], total[..., 3], len(numbers), stack)
 
     def loop(self, frames: int, first: int | None = None) -> np.ndarray:
         """`single.loop`, in the child: what the author's own loop leaves, (H, W, 4)."""
@@ -177,6 +179,7 @@ class Process:
             self._timed(1, "frame", moment=[self.contract.first_frame, 0, 0.0, 0])
         allowed = drawn * self.limits.factor * self._slowest if self._slowest else self.limits.first
         answer = self._ask(do, max(allowed, self.limits.least) if self._slowest else allowed, **arguments)
+        self.spent += answer["cpu"]
         self._slowest = max(self._slowest, answer["took"] / drawn)
         return answer
 
