@@ -54,7 +54,7 @@ def check(
     from harness.cli.options import require_memory
     from harness.estimators.shader import Shader, require_known
 
-    given = _values(values or ())
+    given = parse_values(values or ())
     shader = Shader(tuple(files), host, tuple(sorted(given.items())), _contract(contract, files))
     read = shader.read()
     require_known(read)
@@ -147,10 +147,7 @@ def _hopeless(found: Findings) -> bool:
 
 def _scene(word: str, size: str | None, read: Contract) -> SceneFile:
     """The scene at the size asked for, at the author's own, or at a small one of the film's shape."""
-    from harness.scene import SceneFile
-
-    path = Path(word)
-    file = SceneFile(path) if path.is_file() else SceneFile.bundled(word)
+    file = scene_file(word)
     width, height = parse_size(size)
     if width and height:
         return file.sized(width, height)
@@ -158,6 +155,14 @@ def _scene(word: str, size: str | None, read: Contract) -> SceneFile:
         return file.sized(*read.size)
     film = file.film
     return file.sized(WIDTH, max(1, round(WIDTH * film.height / film.width)))
+
+
+def scene_file(word: str) -> SceneFile:
+    """A scene by its file, or by the name of a bundled one. HarnessError for what is neither."""
+    from harness.scene import SceneFile
+
+    path = Path(word)
+    return SceneFile(path) if path.is_file() else SceneFile.bundled(word)
 
 
 def _contract(path: Path | None, files: Sequence[Path]) -> Contract | None:
@@ -168,7 +173,7 @@ def _contract(path: Path | None, files: Sequence[Path]) -> Contract | None:
     return contract_file.load(path, files)
 
 
-def _values(words: Sequence[str]) -> Mapping[str, Any]:
+def parse_values(words: Sequence[str]) -> Mapping[str, Any]:
     """What --set says: numbers, truth values, or a word."""
     given: dict[str, Any] = {}
     for word in words:

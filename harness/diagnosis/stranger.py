@@ -91,7 +91,7 @@ def judge_stranger(shader: Shader, scene: SceneFile, *, store: Store | None = No
     `budget`: seconds for the shader's frames; the verdict is told as soon as it is certain. `encoding`: what the
     experiments found frames to be put through. Raises as the estimators do.
     """
-    allowed = _tolerance(scene, tolerance)
+    allowed = tolerance_of(scene, tolerance)
     began = time.perf_counter()
     with shader.open(scene) as renderer:  # first: it is the likelier to fail
         run = _frames_of_a_batch(renderer, budget)
@@ -124,7 +124,8 @@ def reference(scene: SceneFile, tolerance: Tolerance, *, store: Store | None = N
         "what is close to a light, so the reference is bsdf_path"))
 
 
-def _tolerance(scene: SceneFile, asked: float | None) -> Tolerance:
+def tolerance_of(scene: SceneFile, asked: float | None) -> Tolerance:
+    """The tolerance that was asked for, or that the noise of the scene allows."""
     if asked is not None:
         return tolerances(asked)
     try:

@@ -1,0 +1,67 @@
+"""A stranger's shader checked from end to end: what experiments find out, and the verdict on a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from harness.diagnosis.stranger import Judged, judge_stranger, reference, tolerance_of
+from harness.estimators.shader import Shader, require_known
+from harness.progress import Progress, quiet
+from harness.samples.store import Store
+from harness.scene import SceneFile
+from harness.strangers.experiment import SIZE, experiment
+from harness.strangers.findings import Findings
+from harness.strangers.process import Process
+
+# Pixels of the width of the film that a shader is judged on unless somebody says otherwise.
+WIDTH = 64
+# Where one of these was found there is nothing to hold against a reference.
+HOPELESS = ("never_writes", "black", "nan_flood")
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """`found`: what the experiments say; `judged`: the verdict on a scene, None where none was asked for, or where the
+    shader draws nothing that could be judged."""
+
+    found: Findings
+    judged: Judged | None = None
+
+    @property
+    def is_right(self) -> bool:
+        """No fault, and a picture that passes where one was judged."""
+        return not self.found.faults and (self.judged is None or self.judged.outcome == "pass")
+
+
+def check_shader(shader: Shader, scene: SceneFile | None = None, *, size: tuple[int, int] | None = None,
+                 store: Store | None = None, budget: float = 60.0, tolerance: float | None = None,
+                 progress: Progress = quiet) -> Checked:
+    """Everything that can be found out of a shader; `size` of the experiments' film, which is small if None.
+
+    `budget`: seconds for drawing the frames that are judged. HarnessError where a uniform's use is unknown, ShaderError
+    for a shader that does not compile, takes too long or ends its process.
+    """
+    read = shader.read()
+    require_known(read)
+    if scene is not None:
+        shader.check(scene)
+    with Process(shader.limits) as process, progress(None, f"{shader.name} experiments"):
+        found = experiment(read, process, size or SIZE)
+    if scene is None or any(found.has(kind) for kind in HOPELESS):
+        return Checked(found)
+    return Checked(found, judge_stranger(replace(shader, contract=found.contract), scene, store=store, budget=budget,
+                                         tolerance=tolerance, encoding=found.encoding, progress=progress))
+
+
+def sized(scene: SceneFile, size: tuple[int, int] | None = None) -> SceneFile:
+    """The scene at a size, (width, height), or at a small one of its film's shape."""
+    if size is not None:
+        return scene.sized(*size)
+    film = scene.film
+    return scene.sized(WIDTH, max(1, round(WIDTH * film.height / film.width)))
+
+
+def draw_reference(scene: SceneFile, tolerance: float | None = None, *, store: Store | None = None,
+                   progress: Progress = quiet) -> None:
+    """Have the store hold what a verdict on the scene needs. SceneError as Mitsuba."""
+    reference(scene, tolerance_of(scene, tolerance), store=store, progress=progress)
