@@ -22,8 +22,8 @@ def grade(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for grades.csv, index.html and a page each.")]
     = Path("grades"),
     hints: Annotated[HintsWord, typer.Option("--hints", help=(
-        "How much the students' pages tell: the verdict alone, where it is wrong too, of what kind the cause is, the cause "
-        "itself."))] = "place",
+        "How much the students' pages tell: the verdict alone, where it is wrong too, of what kind the cause is, the "
+        "cause itself."))] = "place",
     points: Annotated[float, typer.Option("--points", min=0.01, help="What a right submission is worth.")] = 100.0,
     host: Annotated[str | None, typer.Option("--host", help="The dialect of all, if syntax does not tell it.")] = None,
     values: ValueOption = None,
