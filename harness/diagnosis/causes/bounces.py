@@ -5,15 +5,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from harness.diagnosis.causes.match import Fit, Seen, fit
 from harness.diagnosis.causes.transforms import FACTORS, PRICE
-from harness.estimators.base import Estimator
+from harness.estimators.base import Estimator, Renderer
 from harness.estimators.mitsuba import Mitsuba
 from harness.progress import Advance
 from harness.samples.estimate import Batch, Estimate, merge
@@ -40,13 +41,16 @@ class Layers:
 @dataclass(frozen=True)
 class Factors:
     """What each layer of light is multiplied by, with standard errors; `fit` of the whole; NaN for a layer without
-    light. `says`: what the factors are, as it goes on after "our light with"; `reading`: how well just that fits."""
+    light. `says`: what the factors are, as it goes on after "ours with"; `reading`: how well just that fits, `picture`:
+    as what it was compared.
+    """
 
     values: tuple[float, ...]
     errors: tuple[float, ...]
     fit: Fit
     says: str = ""
     reading: Fit | None = None
+    picture: Seen | None = field(default=None, repr=False, compare=False)
 
 
 def layers(scene: SceneFile, *, estimator: Estimator | None = None, store: Store | None = None, spp: int = SPP,
@@ -64,14 +68,10 @@ def layers(scene: SceneFile, *, estimator: Estimator | None = None, store: Store
         with truth.open(scene.at_depth(cut)) as renderer:
             identity = dict(renderer.identity)
 
-            def drawn(replica: int) -> Batch:
-                return renderer.render_batch(replica, 0, spp)  # noqa: B023 - called before the loop goes on
-
-            images.append([store.get_or_render(identity, replica, 0, spp, lambda: drawn(replica)) if store  # noqa: B023
-                           else drawn(replica) for replica in range(BATCHES)])
+            images.append([_batch(renderer, identity, replica, spp, store) for replica in range(BATCHES)])
         advance(1.0 / len(cuts))
     light = [merge(images[0])]
-    for less, more in zip(images, images[1:], strict=False):
+    for less, more in itertools.pairwise(images):
         light.append(merge(Batch(b.mean.astype(np.float64) - a.mean, b.samples)
                            for a, b in zip(less, more, strict=True)))
     return Layers(tuple(light), tuple(cuts[:-1]))
@@ -101,8 +101,15 @@ def factors(found: Seen, of: Layers) -> Factors:
     values, spread = np.full(len(light), np.nan), np.full(len(light), np.nan)
     values[lit], spread[lit] = found_factors, errors
     whole = fit(found, _sum(light, np.nan_to_num(values)))
-    says, reading = _read(found, light, values)
-    return Factors(tuple(map(float, values)), tuple(map(float, spread)), whole, says, reading)
+    says, reading, picture = _read(found, light, values)
+    return Factors(tuple(map(float, values)), tuple(map(float, spread)), whole, says, reading, picture)
+
+
+def _batch(renderer: Renderer, identity: dict[str, str], replica: int, spp: int, store: Store | None) -> Batch:
+    def render() -> Batch:
+        return renderer.render_batch(replica, 0, spp)
+
+    return store.get_or_render(identity, replica, 0, spp, render) if store else render()
 
 
 def _has_light(layer: Seen) -> bool:
@@ -117,14 +124,15 @@ def _sum(light: list[Seen], values: np.ndarray) -> Seen:
     return Seen(mean, variance, 1.0, light[0].dof)
 
 
-def _read(found: Seen, light: list[Seen], values: np.ndarray) -> tuple[str, Fit | None]:
+def _read(found: Seen, light: list[Seen], values: np.ndarray) -> tuple[str, Fit | None, Seen | None]:
     """The rule of factors that fits best, if any fits; the price of what is fitted taken off."""
-    best: tuple[float, str, Fit | None] = (-math.inf, "", None)
+    best: tuple[float, str, Fit | None, Seen | None] = (-math.inf, "", None, None)
     for says, rule, price in _rules(values):
-        result = fit(found, _sum(light, rule))
+        picture = _sum(light, rule)
+        result = fit(found, picture)
         if result.same and result.loglik - price > best[0]:
-            best = result.loglik - price, says, result
-    return best[1], best[2]
+            best = result.loglik - price, says, result, picture
+    return best[1:]
 
 
 def _rules(values: np.ndarray) -> Iterator[tuple[str, np.ndarray, float]]:

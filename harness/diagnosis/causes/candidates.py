@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 
@@ -50,7 +50,7 @@ def candidates(scene: SceneFile, *, store: Store | None = None, defects: Sequenc
     """The right picture, and those of all defects that change it on this scene, each picture once.
 
     `defects`: the whole catalogue unless given. `pixels`: whether defects that are a matter of single pixels are asked
-    for. `spp`: samples per pixel of each of `BATCHES` batches. `advance` is told of every picture as a part of them all.
+    for. `spp`: samples per pixel of each of `BATCHES` batches. `advance` is told of every picture as a part of all.
 
     A picture that is equal, bit for bit, to the right one of its strategy is of a defect that the scene has no use for,
     and is left out; one that is equal to another joins it. SceneError where our tracer cannot hold the scene.
@@ -125,8 +125,3 @@ class _Drawn:
         if self._renderer is None:
             self._renderer = self._open.enter_context(self._tracer.open(self._scene))
         return self._renderer.render_batch(replica, 0, self._spp)
-
-
-def of_defect(found: Iterable[Candidate], test: Callable[[Defect], bool]) -> list[Candidate]:
-    """Those candidates that a defect makes which passes a test."""
-    return [candidate for candidate in found if any(test(defect) for defect in candidate.defects)]

@@ -41,10 +41,10 @@ class Picture:
 class Defect:
     """One slip.
 
-    `says` goes on after "ours with"; `family` and `formula` are what a hint may give away: the topic, and how it should
-    be. `needs`: texts that must be in a scene's generated code for the defect to show, such as "#define HAS_LENS 1".
-    `same_as`: ids of the catalogue of mutants that are this slip in one of our lines. `pixel`: the defect is a matter of
-    single pixels, and cannot be seen in an image that was reduced.
+    `says` goes on after "ours with"; `family` and `formula` are what a hint may give away: the topic, and how it
+    should be. `needs`: texts that must be in a scene's generated code for the defect to show, such as
+    "#define HAS_LENS 1". `same_as`: ids of the catalogue of mutants that are this slip in one of our lines. `pixel`:
+    the defect is a matter of single pixels, and cannot be seen in an image that was reduced.
     """
 
     id: str
@@ -65,8 +65,8 @@ class Defect:
 def load_defects(folder: Path = FOLDER) -> tuple[Defect, ...]:
     """Every defect of a folder of TOML files, by file and then in order.
 
-    HarnessError, with file and line, for a malformed file, an unknown or missing key, an unknown line or strategy, or an
-    id given twice.
+    HarnessError, with file and line, for a malformed file, an unknown or missing key, an unknown line or strategy, or
+    an id given twice.
     """
     defects: list[Defect] = []
     for path in sorted(folder.glob("*.toml")):
@@ -125,7 +125,8 @@ def _defect(entry: Mapping[str, Any], where: str) -> Defect:
     if not pictures:
         raise HarnessError(f"{where}: defect '{entry['id']}' has neither an 'edit' nor a [[defect.picture]]; say which "
                            "lines it changes")
-    return Defect(*(entry[key] for key in _TEXTS), pictures=tuple(pictures), needs=tuple(entry.get("needs", ())),
+    name, says, family, formula = (entry[key] for key in _TEXTS)
+    return Defect(name, says, family, formula, tuple(pictures), needs=tuple(entry.get("needs", ())),
                   same_as=tuple(entry.get("same_as", ())), pixel=bool(entry.get("pixel", False)), where=where)
 
 

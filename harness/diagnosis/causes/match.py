@@ -1,8 +1,9 @@
 """Whether a picture is another but for noise, and which of many it most likely is: arrays only.
 
-χ² alone does not rank candidates: the noisier one is, the better it fits everything. The likelihood has the logarithm of
-the noise as well, which is what a noisy candidate pays. Noise here is that of both pictures, and its tails are heavy:
-the likelihood is Student's t (Lange, Little & Taylor 1989, "Robust Statistical Modeling Using the t Distribution").
+χ² alone does not rank candidates: the noisier one is, the better it fits everything. The likelihood has the logarithm
+of the noise as well, which is what a noisy candidate pays. Noise here is that of both pictures, and its tails are
+heavy: the likelihood is Student's t (Lange, Little & Taylor 1989, "Robust Statistical Modeling Using the t
+Distribution").
 """
 
 from __future__ import annotations
@@ -68,8 +69,8 @@ class Seen:
 class Fit:
     """How well one picture fits another.
 
-    `chi2`: the mean over pixels and channels of the squared difference over its variance, no more than `CAP` each: about
-    1 where they are the same. `loglik`: the log-likelihood up to what all candidates have in common. `p`: the
+    `chi2`: the mean over pixels and channels of the squared difference over its variance, no more than `CAP` each:
+    about 1 where they are the same. `loglik`: the log-likelihood up to what all candidates have in common. `p`: the
     probability that the same picture would differ by so much. `same`: it is not excluded.
     """
 

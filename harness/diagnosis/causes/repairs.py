@@ -63,7 +63,8 @@ def _mended(slip: _Slip, line: str, text: str) -> Iterator[str]:
         replacement = slip.replacement
         for name, choices in NAMES.items():
             if f"{{{name}}}" in replacement:
-                known = next((c for c in choices if re.search(rf"(?<![\w.]){re.escape(c)}\b(?!\s*\()", text)), choices[0])
+                known = next((c for c in choices if re.search(rf"(?<![\w.]){re.escape(c)}\b(?!\s*\()", text)),
+                             choices[0])
                 replacement = replacement.replace(f"{{{name}}}", known)
         after = line[:match.start()] + match.expand(replacement) + line[match.end():]
         if after != line:

@@ -40,15 +40,16 @@ class Transformed:
 
 @dataclass(frozen=True)
 class TransformFit:
-    """A transform, and how well the reference after it fits; `fit.loglik` has its price taken off."""
+    """A transform, and how well the reference after it, `picture`, fits; `fit.loglik` has its price taken off."""
 
     says: str
     fit: Fit
+    picture: Seen
 
 
 def fitted(found: Seen, reference: Seen, fine: Seen | None = None) -> list[TransformFit]:
-    """The transforms of the reference that may explain an image, the likeliest first: single ones, and pairs of one that
-    moves pixels and one that changes their values.
+    """The transforms of the reference that may explain an image, the likeliest first: single ones, and pairs of one
+    that moves pixels and one that changes their values.
 
     `fine`: the reference at twice the width and height, without which nothing is shifted by half pixels. All are judged
     by the pixels that every one of them has.
@@ -59,7 +60,8 @@ def fitted(found: Seen, reference: Seen, fine: Seen | None = None) -> list[Trans
         choices = _values(found, moved, inner) if not moved.shifted else _scalings(found, moved, inner)
         scored += [(loglik(found, choice.picture, inner) - choice.price, choice) for choice in choices if choice.says]
     best = sorted(scored, key=lambda item: -item[0])[:TOLD]
-    return [TransformFit(choice.says, replace(fit(found, choice.picture, inner), loglik=score)) for score, choice in best]
+    return [TransformFit(choice.says, replace(fit(found, choice.picture, inner), loglik=score), choice.picture)
+            for score, choice in best]
 
 
 def inner_pixels(shape: tuple[int, ...]) -> np.ndarray:
@@ -86,7 +88,8 @@ def _moved(reference: Seen, fine: Seen | None) -> Iterator[Transformed]:
     steps = range(-LARGEST_SHIFT, LARGEST_SHIFT + 1)
     for down, right in itertools.product(steps, steps):
         if down or right:
-            shifted = _mapped(reference, lambda a, by=(down, right): np.roll(a, by, axis=(0, 1)))
+            shifted = replace(reference, mean=np.roll(reference.mean, (down, right), (0, 1)),
+                              variance=np.roll(reference.variance, (down, right), (0, 1)))
             yield Transformed(_shift(2 * down, 2 * right), shifted, 2 * PRICE, True)
     if fine is not None:
         halves = range(-2 * LARGEST_SHIFT + 1, 2 * LARGEST_SHIFT)
@@ -133,7 +136,9 @@ def _values(found: Seen, moved: Transformed, inner: np.ndarray) -> Iterator[Tran
             moved.picture, mean=np.minimum(moved.picture.mean, 1.0),
             variance=np.where(over, 0.0, moved.picture.variance)), PRICE)
     for order, says in CHANNELS.items():
-        yield _then(moved, says, _mapped(moved.picture, lambda a, order=order: a[..., list(order)]), PRICE)
+        exchanged = replace(moved.picture, mean=moved.picture.mean[..., order],
+                            variance=moved.picture.variance[..., order])
+        yield _then(moved, says, exchanged, PRICE)
 
 
 def _scalings(found: Seen, moved: Transformed, inner: np.ndarray) -> Iterator[Transformed]:
@@ -161,7 +166,8 @@ def _curves() -> list[tuple[str, Callable[[np.ndarray], np.ndarray], Callable[[n
     def decode_slope(x: np.ndarray) -> np.ndarray:
         return np.where(x <= 0.04045, 1 / 12.92, 2.4 / 1.055 * ((x + 0.055) / 1.055) ** 1.4)
 
-    return [("an exponent of 1/2.2 (encoded for a screen)", lambda x: x ** (1 / 2.2), lambda x: x ** (1 / 2.2 - 1) / 2.2),
+    return [("an exponent of 1/2.2 (encoded for a screen)", lambda x: x ** (1 / 2.2),
+             lambda x: x ** (1 / 2.2 - 1) / 2.2),
             ("an exponent of 2.2 (decoded)", lambda x: x ** 2.2, lambda x: 2.2 * x ** 1.2),
             ("sRGB's curve (encoded for a screen)", encode, encode_slope),
             ("sRGB's curve backwards (decoded)", decode, decode_slope),

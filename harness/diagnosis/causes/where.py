@@ -23,7 +23,7 @@ class Place:
     """The error of all pixels of one kind, in luminance.
 
     `kind`: 'object', 'material', 'edges', 'background'; `name`: what the scene file calls it. `error`: found over
-    reference, less 1; `sigma`: its standard error; `share`: its part of all that the image is off by, in absolute terms.
+    reference, less 1; `sigma`: its standard error; `share`: its part of all that the image is off by, absolutely.
     """
 
     kind: str
