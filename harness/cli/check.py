@@ -142,7 +142,9 @@ def _completed(shader: Shader, found: Findings) -> Shader:
 
 def _hopeless(found: Findings) -> bool:
     """Whether there is nothing to hold against a reference."""
-    return any(found.has(kind) for kind in ("never_writes", "black", "nan_flood"))
+    from harness.strangers.experiment import HOPELESS
+
+    return any(found.has(kind) for kind in HOPELESS)
 
 
 def _scene(word: str, size: str | None, read: Contract) -> SceneFile:

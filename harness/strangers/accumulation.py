@@ -54,6 +54,12 @@ def judge_accumulation(result: np.ndarray, singles: np.ndarray, law: Law) -> Acc
     residual = float(np.sqrt(((whole - each.T @ weights)**2).mean())) / size
     if rank == frames and residual < RESIDUAL:
         return _of_weights(weights, factor)
+    # What the past held before the first frame, perhaps: the same in all pixels.
+    more = np.concatenate([each, np.ones((1, each.shape[1]))])
+    weights, _, rank, _ = np.linalg.lstsq(more.T, whole, rcond=1e-6)
+    if rank == frames + 1 and float(np.sqrt(((whole - more.T @ weights)**2).mean())) < RESIDUAL * size:
+        return Accumulation("fail", f"{weights[-1]:+.3g} is in the result besides its {frames} frames: the past that the "
+                            "first frame begins from is not empty", frames, True, weights[:-1], factor)
     return _of_noise(whole, each, factor, residual)
 
 
