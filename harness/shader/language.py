@@ -28,6 +28,8 @@ _RENAMED = {"varying": "in", "texture2D": "texture", "textureCube": "texture", "
             "texture2DLodEXT": "textureLod", "textureCubeLodEXT": "textureLod", "texture2DProj": "textureProj",
             "texture2DGradEXT": "textureGrad", "texture3D": "texture"}
 
+_OLD_WORD = re.compile(rf"\b(?:{'|'.join(_RENAMED)})\b")
+
 
 @dataclass(frozen=True)
 class Language:
@@ -107,4 +109,5 @@ def complete(source: ShaderSource, language: Language, declares: Sequence[str] =
 def _renamed(text: str, language: Language) -> dict[str, str]:
     if language.old:
         return {}
-    return {old: new for old, new in _RENAMED.items() if re.search(rf"\b{old}\b", text)}
+    found = set(_OLD_WORD.findall(text))
+    return {old: new for old, new in _RENAMED.items() if old in found}

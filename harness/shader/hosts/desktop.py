@@ -43,7 +43,7 @@ def contract_of(pieces: Sequence[Piece], host: str, otherwise: Language, answers
     if entry(source, found) != "main":
         raise ShaderError(f"{fragment.name}:1: mainImage() without main(); say --host shadertoy")
     frame = Frame(language, zero=language.es, vertex=vertex, lines=_three(found, language))
-    made = make_pass(fragment.name, source, frame, answers)
+    made = make_pass("main", source, frame, answers)
     asks = any(role in ("resolution", "width", "height", "aspect") for _, role in made.roles)
     size = None if asks or "textureSize" in found.names else written_size(source.text)
     if size:

@@ -18,6 +18,8 @@ DIALECTS = (gratin.DIALECT, ours.DIALECT, glslviewer.DIALECT, body.DIALECT, vsco
 # Files of a folder that may hold a shader.
 SUFFIXES = (".glsl", ".frag", ".fs", ".fsh", ".fragment", ".vert", ".vs", ".vsh", ".gra", ".html", ".htm", ".js", ".json",
             ".shader")
+_PROGRAMS = (".html", ".htm", ".js")
+_MAIN = re.compile(r"\bvoid\s+main(?:Image)?\s*\(")
 _MAX_FILES = 64
 
 
@@ -62,6 +64,9 @@ def _files_of(folder: Path) -> list[Path]:
         if whole:
             return whole
     shaders = [path for path in found if path.suffix.lower() not in (".gra", ".json")]
+    plain = [path for path in shaders if path.suffix.lower() not in _PROGRAMS]
+    if any(_MAIN.search(decoded(path).text) for path in plain):
+        shaders = plain  # the page that shows them may stand beside them
     if not shaders:
         raise ShaderError(f"{folder}: no shader in this folder; a shader ends in {', '.join(SUFFIXES)}")
     if len(shaders) > _MAX_FILES:
