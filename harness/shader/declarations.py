@@ -52,8 +52,8 @@ def declarations(source: ShaderSource, defines: Mapping[str, str] | None = None,
     """Everything declared outside of functions in a joined text (harness/shader/includes.py), where `defines` hold.
 
     `vertex`: the text is a vertex shader, whose `in` are attributes (they are told as varyings are).
-    Raises ShaderError, with file and line, for storage that only its own program can fill. It is remembered: leave it as
-    it is.
+    Raises ShaderError, with file and line, for storage that only its own program can fill. It is remembered:
+    leave it as it is.
     """
     return _declarations(source, tuple(sorted((defines or {}).items())), vertex)
 
@@ -120,7 +120,7 @@ class _Statement:
             return
         kind = self._type()
         if self._text() == "{" and storage:
-            self._refuse(f"a block, '{kind}'") if storage == "uniform" else self._refuse(f"an interface block, '{kind}'")
+            self._refuse(f"{'a block' if storage == 'uniform' else 'an interface block'}, '{kind}'")
         if self._text(1) == "(" and self._tokens[-1].text == "{":
             found.functions.setdefault(self._text(), []).append(place(self._source, self._tokens[self._at].start))
             found.declared.add(self._text())
@@ -128,8 +128,9 @@ class _Statement:
         self._names(found, storage, kind, layout, flat)
 
     def _refuse(self, what: str) -> None:
-        raise ShaderError(f"{place(self._source, self._tokens[self._at].start)}: {what}: only its own program knows what "
-                          "is in it; write the data into the shader as constants, or as single uniforms")
+        token = self._tokens[min(self._at, len(self._tokens) - 1)]
+        raise ShaderError(f"{place(self._source, token.start)}: {what}: only its own program knows what is in it; write "
+                          "the data into the shader as constants, or as single uniforms")
 
     def _text(self, ahead: int = 0) -> str:
         return self._tokens[self._at + ahead].text if self._at + ahead < len(self._tokens) else ""
@@ -188,7 +189,7 @@ class _Statement:
             found.declared.add(name)
             where = place(self._source, token.start)
             if storage == "uniform":
-                if kind.lstrip("iu").startswith("image") or kind == "atomic_uint":
+                if re.match(r"[iu]?image|atomic_uint", kind):
                     self._refuse(f"an {kind}, '{name}'")
                 found.uniforms += self._members(kind, name, where, size, initialised)
             elif storage in ("varying", "in") or (storage == "attribute" and self._vertex):
@@ -210,8 +211,8 @@ def entry(source: ShaderSource, found: Declarations) -> str:
     for name in ("main", "mainImage"):
         places = found.functions.get(name, [])
         if len(places) > 1:
-            raise ShaderError(f"{places[1]}: a second {name}(), the first is at {places[0]}; name one shader, or one file "
-                              "a pass")
+            raise ShaderError(f"{places[1]}: a second {name}(), the first is at {places[0]}; name one shader, or one "
+                              "file a pass")
         if places or re.search(rf"#[^\n]*\bvoid\s+{name}\s*\(", source.text):  # a macro may write it
             return name
     raise ShaderError(f"{source.files[0][0]}:1: no void main() and no void mainImage(); name the file that holds it")

@@ -49,8 +49,8 @@ def without_comments(text: str, file: str) -> str:
     bare = _HIDDEN.sub(blank, text).translate(_INVISIBLE)
     if (strange := re.search(r"[^\x00-\x7f]", re.sub(r'"[^"\n]*"', lambda quoted: hidden(quoted[0]), bare))):
         line = bare.count("\n", 0, strange.start()) + 1
-        raise ShaderError(f"{file}:{line}: the character '{strange[0]}' (U+{ord(strange[0]):04X}) outside of a comment; "
-                          "GLSL is written in ASCII, type it anew")
+        raise ShaderError(f"{file}:{line}: the character '{strange[0]}' (U+{ord(strange[0]):04X}) outside of a "
+                          "comment; GLSL is written in ASCII, type it anew")
     return bare
 
 

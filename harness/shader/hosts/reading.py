@@ -106,7 +106,10 @@ class Frame:
 
 
 def make_pass(name: str, source: ShaderSource, frame: Frame, answers: Answers) -> ShaderPass:
-    """A pass from a joined text (harness/shader/includes.py). ShaderError, with file and line, where it cannot be drawn."""
+    """A pass from a joined text (harness/shader/includes.py).
+
+    ShaderError, with file and line, where it cannot be drawn.
+    """
     macros = {**frame.language.macros, **frame.defines}
     found = declarations(source, macros)
     head = [(kind, word) for kind, word in frame.head if word not in found.declared]
@@ -171,8 +174,8 @@ def _vertex(found: Declarations, frame: Frame, answers: Answers) -> tuple[str, l
         own = authors(frame.vertex, frame.language)
         if own is not None:
             return own.text, declarations(own, frame.language.macros, vertex=True).uniforms
-        answers.note(f"{frame.vertex.name}: its vertex shader moves a scene's triangles; a triangle over the whole image "
-                     "is drawn instead")
+        answers.note(f"{frame.vertex.name}: its vertex shader moves a scene's triangles; a triangle over the whole "
+                     "image is drawn instead")
     inputs = [varying for varying in found.varyings if found.names.get(varying.name, 0) > 1]
     said = {varying.name: answers.take(varying.name) for varying in inputs if varying.name in answers.values}
     for name, value in said.items():
@@ -203,7 +206,8 @@ def said_channel(name: str, said: Answer, before: Channel, where: str) -> Channe
     """What somebody said that a sampler reads. ShaderError, with file and line, for what it cannot read."""
     reads = str(said)
     if reads not in STAND_INS and not re.match(r"(?:pass|file):.", reads):
-        raise ShaderError(f"{where}: --set {name}={reads}: a sampler reads {', '.join(STAND_INS)}, pass:NAME or file:PATH")
+        raise ShaderError(f"{where}: --set {name}={reads}: a sampler reads {', '.join(STAND_INS)}, pass:NAME or "
+                          "file:PATH")
     return replace(before, reads=reads, kind={"cube": "samplerCube", "volume": "sampler3D"}.get(reads, before.kind))
 
 
@@ -215,8 +219,8 @@ def _role(uniform: Declared, frame: Frame, answers: Answers, in_use: bool) -> Ro
         answers.kept[name] = _value(uniform, name, answers.take(name), part=True)
     if isinstance(said, str):
         if said not in ROLES:
-            raise ShaderError(f"{uniform.where}: --set {uniform.name}={said}: neither a value nor what a uniform is for; "
-                              f"say a number, or one of {', '.join(ROLES)}")
+            raise ShaderError(f"{uniform.where}: --set {uniform.name}={said}: neither a value nor what a uniform is "
+                              f"for; say a number, or one of {', '.join(ROLES)}")
         return next(role for role in get_args(Role) if role == said)
     if said is not None:
         answers.kept[uniform.name] = _value(uniform, uniform.name, said)

@@ -78,7 +78,7 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
 
 def contract_of(tabs: Sequence[Tab], answers: Answers, host: str) -> Contract:
     """The contract of these passes, the image last."""
-    passes = [toy_pass(tab, joined(tab.pieces, GLES_300.macros), answers, displays=tab.name == "Image" and len(tabs) > 1)
+    passes = [toy_pass(tab, joined(tab.pieces, GLES_300.macros), answers, tab.name == "Image" and len(tabs) > 1)
               for tab in tabs]
     texts = [one.source.text for one in passes]
     asks = any("iResolution" in text or "textureSize" in text for text in texts)
@@ -196,8 +196,8 @@ def _tabs(files: Sequence[Given], answers: Answers) -> list[Tab]:
             name = "Image"
         if not name or name in named:
             other = f", and so does {named[name].name}" if name in named else ""
-            raise ShaderError(f"{file.name}: its name says {f'{name}{other}' if name else 'no tab of Shadertoy'}; call the "
-                              "files image, bufferA to bufferD, and common")
+            raise ShaderError(f"{file.name}: its name says {f'{name}{other}' if name else 'no tab of Shadertoy'}; call "
+                              "the files image, bufferA to bufferD, and common")
         named[name] = file
     common = [named.pop("Common").piece] if "Common" in named else []
     if not named:
