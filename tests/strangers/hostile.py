@@ -55,7 +55,7 @@ ENTITIES = ('<!DOCTYPE g [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;
             "</Gratin>")
 
 READING = (
-    raw("empty", "no shader", ""),
+    raw("empty", "the file is empty", ""),
     raw("no main", r"no void main\(\)", "float f(float x) { return x; }\n"),
     raw("null bytes", r"shader\.frag", b"void main() { \0\0\0\xff\xfe }"),
     raw("not text", r"shader\.frag", bytes(range(256)) * 8),
@@ -69,7 +69,7 @@ READING = (
     raw("comment without end", "comment", "void main() { outBuffer0 = vec4(numpass); /* and so on\n"),
     raw("no such version", "no version of GLSL", "#version 999\nout vec4 c; void main() { c = vec4(1.0); }"),
     raw("not a pipeline", "well-formed", '<Gratin type="pipeline"><broken', file="shader.gra"),
-    raw("entities", "Gratin never writes", ENTITIES, file="shader.gra"),
+    raw("entities", "no shader that is known|Gratin never writes", ENTITIES, file="shader.gra"),
     raw("unknown uniform", r"nobody knows what 'float wavelength' is for.*--set wavelength=",
         "#version 330 core\nuniform sampler2D prev; uniform float wavelength; out vec4 c;\n"
         "void main() { c = texture(prev, vec2(0.5)) + vec4(wavelength); }"),
@@ -86,7 +86,7 @@ COMPILING = (
          "const float big[100000000] = float[100000000](0.0); outBuffer0 = o + vec4(big[p.x]);"),
     body("sum of fifty thousand", "crashes the driver|takes|memory", f"outBuffer0 = o + vec4({'+'.join(['1.0'] * 50000)});",
          lost=True),
-    raw("storage buffer", "whose data only its own program has",
+    raw("storage buffer", "only its own program knows what is in it",
         "#version 430 core\nuniform sampler2D prev; layout(std430, binding = 0) buffer Scene { vec4 spheres[]; };\n"
         "out vec4 c; void main() { c = texture(prev, vec2(0.5)) + spheres[int(gl_FragCoord.x)]; }"),
 )
