@@ -60,8 +60,8 @@ class Reference:
 class Judged:
     """The verdict on a shader's single frames.
 
-    `verdict`: of the picture as it is. `transform`: what it was put through, in words, where undoing that makes it agree,
-    else ''. `slope`, `offset`: of the straight line through the tiles' luminance against the reference's. `worst`: the
+    `verdict`: of the picture as it is. `transform`: what it was put through, in words, where undoing that makes it
+    agree, else ''. `slope`, `offset`: of the straight line through the tiles' luminance against the reference's. `worst`: the
     tile furthest off. `found`, `reference`: both pictures, for whoever goes on to look for a cause.
     """
 
@@ -120,8 +120,8 @@ def reference(scene: SceneFile, tolerance: Tolerance, *, store: Store | None = N
         return Reference(run, "path")
     error, low, high = verdict.luminance
     return Reference(other, "bsdf_path", (
-        f"Mitsuba's path and bsdf_path differ by {error:+.2%} ({low:+.2%} to {high:+.2%}) in the mean: path leaks light past "
-        "what is close to a light, so the reference is bsdf_path"))
+        f"Mitsuba's path and bsdf_path differ by {error:+.2%} ({low:+.2%} to {high:+.2%}) in the mean: path leaks light "
+        "past what is close to a light, so the reference is bsdf_path"))
 
 
 def _tolerance(scene: SceneFile, asked: float | None) -> Tolerance:
@@ -152,8 +152,8 @@ def _mitsuba(scene: SceneFile, integrator: str, store: Store | None, progress: P
 def _hidden_light(scene: SceneFile) -> str:
     """Why `bsdf_path` would not see all light; empty where it does."""
     kinds = {str(node.props.plugin_name()) for node in scene.parsed().nodes} & set(HIDDEN_LIGHTS)
-    return f"the scene has a light that no path hits ({', '.join(sorted(kinds))}), so bsdf_path was not asked" if kinds \
-        else ""
+    return (f"the scene has a light that no path hits ({', '.join(sorted(kinds))}), so bsdf_path was not asked"
+            if kinds else "")
 
 
 def _frames_of_a_batch(renderer: ShaderRenderer, budget: float) -> int:
@@ -167,8 +167,8 @@ def _frames_of_a_batch(renderer: ShaderRenderer, budget: float) -> int:
 
 def _drawn(shader: Shader, scene: SceneFile, held: Reference, tolerance: Tolerance, budget: float,
            progress: Progress) -> tuple[np.ndarray, BiasVerdict]:
-    """Batches of frames, (B, H, W, 3), and the verdict, at the look that decided. Where the budget ends before all looks
-    the last verdict stands."""
+    """Batches of frames, (B, H, W, 3), and the verdict, at the look that decided. Where the budget ends before all
+    looks the last verdict stands."""
     counts = [BATCHES // share for share in SHARES]
     looking = Looking(Looks(tuple(shader.run * count for count in counts)), tolerance, FALSE_ALARMS)
     images: list[np.ndarray] = []
@@ -241,7 +241,7 @@ def _estimate(images: np.ndarray, run: int) -> Estimate:
 
 
 def _line(found: np.ndarray, truth: np.ndarray, tile: int) -> tuple[float, float]:
-    """Slope and offset of found = slope truth + offset over tiles, by least squares; offset 0 where the truth is flat."""
+    """Slope and offset of found = slope truth + offset over tiles, by least squares; no offset where truth is flat."""
     x, y = (tile_means(luminance(image)[..., None], tile).ravel() for image in (truth, found))
     if np.ptp(x) < 1e-6 * abs(x.mean()) or not np.isfinite(y).all():
         return (float(y.mean() / x.mean()) if x.mean() else float("nan")), 0.0
@@ -258,8 +258,8 @@ def told(judged: Judged) -> list[str]:
     lines = [f"{judged.outcome}: {judged.verdict.reason}",
              f"mean luminance {error:+.3%} ({low:+.3%} to {high:+.3%}) against Mitsuba's {judged.integrator}, from "
              f"{judged.frames} frames; slope {judged.slope:.4f}, offset {judged.offset:+.3g}",
-             f"worst tile: x {worst.x} to {worst.x + worst.tile}, y {worst.y} to {worst.y + worst.tile}: {worst.channel} "
-             f"{worst.error:+.2%} ({worst.low:+.2%} to {worst.high:+.2%})"]
+             f"worst tile: x {worst.x} to {worst.x + worst.tile}, y {worst.y} to {worst.y + worst.tile}: "
+             f"{worst.channel} {worst.error:+.2%} ({worst.low:+.2%} to {worst.high:+.2%})"]
     if judged.transform:
         lines.append(judged.transform)
     if judged.note:

@@ -1,7 +1,7 @@
 """What may be done to a right picture before it is handed in, and is no fault of a path tracer's physics.
 
-A factor (of π, of two), a mirrored axis, channels in another order, a shift by half a pixel. Such a transform explains a
-picture where, once it is undone, no verdict fails any more. Arrays only.
+A factor (of π, of two), a mirrored axis, channels in another order, a shift by half a pixel. Such a transform
+explains a picture where, once it is undone, no verdict fails any more. Arrays only.
 """
 
 from __future__ import annotations

@@ -28,10 +28,10 @@ class Hostile:
     lost: bool = False
 
 
-def toy(name: str, answer: str, update: str = MEAN, sample: str = SAMPLE, seed: str = SEED, before: str = "") -> Hostile:
+def toy(name: str, answer: str, update: str = MEAN, sample: str = SAMPLE, seed: str = SEED) -> Hostile:
     """A Shadertoy buffer: `o` is its past, `s` the sample, `n` the frame's number, `c` what it leaves."""
-    text = (f"{RANDOM}{before}\nvoid mainImage(out vec4 c, in vec2 p) {{\n{seed}\n"
-            f"vec4 o = texelFetch(iChannel0, ivec2(p), 0);\nvec3 s = {sample};\nfloat n = float(iFrame);\n{update}\n}}\n")
+    text = (f"{RANDOM}\nvoid mainImage(out vec4 c, in vec2 p) {{\n{seed}\nvec3 s = {sample};\n"
+            f"vec4 o = texelFetch(iChannel0, ivec2(p), 0);\nfloat n = float(iFrame);\n{update}\n}}\n")
     return Hostile(name, {"shader.glsl": text.encode()}, answer)
 
 
@@ -84,8 +84,8 @@ COMPILING = (
     body("brackets without number", r"shader\.frag", f"outBuffer0 = vec4({'(' * 20000}1.0{')' * 20000});"),
     body("array of a hundred million", r"shader\.frag:\d+: ",
          "const float big[100000000] = float[100000000](0.0); outBuffer0 = o + vec4(big[p.x]);"),
-    body("sum of fifty thousand", "crashes the driver|takes|memory", f"outBuffer0 = o + vec4({'+'.join(['1.0'] * 50000)});",
-         lost=True),
+    body("sum of fifty thousand", "crashes the driver|takes|memory",
+         f"outBuffer0 = o + vec4({'+'.join(['1.0'] * 50000)});", lost=True),
     raw("storage buffer", "only its own program knows what is in it",
         "#version 430 core\nuniform sampler2D prev; layout(std430, binding = 0) buffer Scene { vec4 spheres[]; };\n"
         "out vec4 c; void main() { c = texture(prev, vec2(0.5)) + spheres[int(gl_FragCoord.x)]; }"),
@@ -119,7 +119,7 @@ RUNNING = (
     body("black", "every pixel of every frame is 0", "outBuffer0 = o * 0.5;"),
     body("reads what nobody cleared", "the first frame reads its past, which in Gratin holds whatever was drawn before",
          "o = texelFetch(pingpong0, p, 0); outBuffer0 = o + vec4(vec3(rnd()), 1.0);"),
-    body("begins from one", "the past that the first frame begins from is not empty",
+    body("begins from one", "the past that it begins from is not empty",
          "o = numpass > 0 ? o : vec4(1.0, 1.0, 1.0, 0.0); outBuffer0 = o + vec4(vec3(rnd()), 1.0);"),
     toy("counts one frame too many", "divided by another number of frames",
         "c = vec4(mix(o.rgb, s, 1.0 / (n + 2.0)), 1.0);"),
@@ -137,7 +137,8 @@ RUNNING = (
     toy("clamped sum", "not a linear function of its past", "c = vec4(min(o.rgb + s, vec3(1.0)), 1.0);"),
     toy("tone-mapped past", "not a linear function of its past",
         "vec3 m = mix(o.rgb, s, 1.0 / (n + 1.0)); c = vec4(m / (1.0 + m), 1.0);"),
-    toy("clamps samples", r"shader\.glsl:\d+: samples are clamped to 1", f"s = 2.0 * s;\ns = min(s, vec3(1.0));\n{MEAN}"),
+    toy("clamps samples", r"shader\.glsl:\d+: samples are clamped to 1",
+        f"s = 2.0 * s;\ns = min(s, vec3(1.0));\n{MEAN}"),
     toy("encodes samples", r"shader\.glsl:\d+: each frame is encoded before it is averaged",
         f"s = pow(s, vec3(1.0 / 2.2));\n{MEAN}"),
     toy("negative samples", "samples are below zero", sample="vec3(rnd()) - 0.3"),

@@ -60,4 +60,5 @@ SAMPLE = "vec3(0.1) + vec3(0.8, 0.4, 0.2) * rnd()"
 SUM = ("void main() { uvec2 p = uvec2(gl_FragCoord.xy); seed_(p, uint(numpass)); vec4 old = numpass > 0 ? "
        f"texelFetch(pingpong0, ivec2(p), 0) : vec4(0.0); outBuffer0 = old + vec4({SAMPLE}, 1.0); }}")
 MEAN = ("void mainImage(out vec4 c, in vec2 p) { seed_(uvec2(p), uint(iFrame)); "
-        f"vec3 old = texelFetch(iChannel0, ivec2(p), 0).rgb; vec3 s = {SAMPLE}; c = vec4(mix(old, s, 1.0 / float(iFrame + 1)), 1.0); }}")
+        f"vec3 old = texelFetch(iChannel0, ivec2(p), 0).rgb; vec3 s = {SAMPLE}; "
+        "c = vec4(mix(old, s, 1.0 / float(iFrame + 1)), 1.0); }")
