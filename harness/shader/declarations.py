@@ -192,7 +192,7 @@ class _Statement:
                 if re.match(r"[iu]?image|atomic_uint", kind):
                     self._refuse(f"an {kind}, '{name}'")
                 found.uniforms += self._members(kind, name, where, size, initialised)
-            elif storage in ("varying", "in") or (storage == "attribute" and self._vertex):
+            elif storage in ("attribute", "in") if self._vertex else storage in ("varying", "in"):
                 found.varyings.append(Varying(kind, name, where, layout, flat))
             elif storage == "out":
                 found.outputs.append((kind, name))

@@ -200,8 +200,6 @@ def _tabs(files: Sequence[Given], answers: Answers) -> list[Tab]:
                               "the files image, bufferA to bufferD, and common")
         named[name] = file
     common = [named.pop("Common").piece] if "Common" in named else []
-    if not named:
-        raise ShaderError(f"{files[0].name}: a common tab alone draws nothing; name the image's or a buffer's file too")
     order = sorted(named, key=lambda name: (name == "Image", name))
     buffers = [name for name in order if name != "Image"]
     tabs = []
