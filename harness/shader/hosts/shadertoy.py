@@ -131,6 +131,8 @@ def _exported(file: Given, answers: Answers) -> list[Tab]:
     common = [Piece(f"{file.name} (Common)", one["code"]) for one in rendered if one.get("type") == "common"]
     drawn = sorted((one for one in rendered if one.get("type") in ("buffer", "image", None)),
                    key=lambda one: (one.get("type") == "image", str(one.get("name", ""))))
+    if not drawn:
+        raise ShaderError(f"{file.name}:1: an export without an image or a buffer; export the shader anew")
     for one in rendered:
         if one.get("type") in ("sound", "cubemap"):
             answers.note(f"{file.name}: its {one['type']} pass is left out")

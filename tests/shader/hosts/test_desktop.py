@@ -39,7 +39,8 @@ def test_members_of_structures_have_names(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("text", "says"), [
     ("layout(std430, binding = 1) buffer Scene { vec4 s[]; };", "a.fs:7: storage buffers"),
-    ("uniform Scene { vec4 s[4]; };", "a.fs:7: a block, 'Scene'"), ("flat in int id;", "a.fs:7: 'id' (int) comes from a"),
+    ("uniform Scene { vec4 s[4]; };", "a.fs:7: a block, 'Scene'"),
+    ("flat in int id;", "a.fs:7: 'id' (int) comes from a"),
 ])
 def test_what_only_its_program_can_fill_is_named(tmp_path: Path, text: str, says: str) -> None:
     refused(tmp_path, says, a__fs=TEXT.replace("const", f"{text}\nconst").replace("SPP)", "id)") if "id;" in text

@@ -27,7 +27,8 @@ def node(index: int, name: str, body: str, kind: str = "pingPongGenericId", inpu
 
 def pipeline(*nodes: str, connections: str = "") -> str:
     return (f'<Gratin type="pipeline"><IOData name="mainWindow"><IOData name="graphWidget"><IOData name="graph">'
-            f'<uint name="nbNodes" val="{len(nodes)}"/>{"".join(nodes)}{connections}</IOData></IOData></IOData></Gratin>')
+            f'<uint name="nbNodes" val="{len(nodes)}"/>{"".join(nodes)}{connections}</IOData></IOData></IOData>'
+            '</Gratin>')
 
 
 def connection(source: int, target: int, number: int = 0) -> str:

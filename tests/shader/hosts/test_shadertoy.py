@@ -14,7 +14,8 @@ from tests.support.strangers import compiled, contract_of, drawn, refused, writt
 COMMON = "float seed;\nfloat draw() { seed += 1.0; return fract(seed * 0.37); }\n"
 BUFFER = ("void mainImage(out vec4 color, in vec2 at) {\n    seed = float(iFrame);\n"
           "    color.rgb += vec3(draw(), at / iResolution.xy);\n    color += texelFetch(iChannel0, ivec2(at), 0);\n}\n")
-IMAGE = "void mainImage(out vec4 color, in vec2 at) { color = texelFetch(iChannel0, ivec2(at), 0) / float(iFrame + 1); }\n"
+IMAGE = ("void mainImage(out vec4 color, in vec2 at) {\n    color = texelFetch(iChannel0, ivec2(at), 0);\n"
+         "    color /= float(iFrame + 1);\n}\n")
 
 
 def buffer_input(ident: object, channel: int = 0, **more: Any) -> dict[str, Any]:
@@ -46,8 +47,8 @@ def test_an_export_holds_wiring_and_text(tmp_path: Path, kind: str, wrap: Any) -
 
 
 def test_inputs_that_are_not_here_have_stand_ins(tmp_path: Path) -> None:
-    text = BUFFER.replace("draw()", "texture(iChannel1, vec3(0.5)).r + texture(iChannel2, at).r + texture(iChannel3, at).r "
-                                    "+ iChannelResolution[1].x + iChannelTime[0]")
+    text = BUFFER.replace("draw()", "texture(iChannel1, vec3(0.5)).r + texture(iChannel2, at).r + texture(iChannel3, "
+                                    "at).r + iChannelResolution[1].x + iChannelTime[0]")
     extra = [buffer_input(1, 1, ctype="cubemap"), buffer_input(2, 2, ctype="keyboard"), buffer_input(3, 3, ctype="texture")]
     contract = contract_of(tmp_path, toy__json=json.dumps(export("ctype", *extra, buffer=text)))
     assert [(c.reads, c.kind) for c in contract.passes[0].channels] == [
@@ -97,7 +98,9 @@ def test_a_single_tab_reads_its_own_past(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "says"), [
-    ("{\n\n", "toy.json:3: not JSON"), ('{"a": 1}', "no export of one Shadertoy"), ("[" * 9999, "JSON nested too deeply"),
+    ("{\n\n", "toy.json:3: not JSON"), ('{"a": 1}', "no export of one Shadertoy"),
+    ("[" * 9999, "JSON nested too deeply"),
+    ('{"renderpass": []}', "an export without an image or a buffer"),
     ('[{"renderpass": []}, {}]', "no export of one Shadertoy"),
     (json.dumps(export("type", image=IMAGE.replace("mainImage", "paint"))), "no void main()"),
     (json.dumps(export("type", buffer=BUFFER.replace("at /", "at * wrong /"))), "(Buffer A):3: `wrong' undeclared"),

@@ -29,7 +29,8 @@ in vec2 ndc;
 out vec4 result;
 void main() { result = texelFetch(accumTexture, ivec2(gl_FragCoord.xy), 0) + vec4(ndc, float(seed % 7u), 1.0); }
 """
-VERTEX = "attribute vec4 a_position;\nvarying vec2 v_uv;\nvoid main() { v_uv = a_position.xy; gl_Position = a_position; }"
+VERTEX = ("attribute vec4 a_position;\nvarying vec2 v_uv;\n"
+          "void main() { v_uv = a_position.xy; gl_Position = a_position; }")
 
 
 def test_es_100(tmp_path: Path) -> None:
@@ -55,7 +56,7 @@ def test_features_of_300_in_the_spelling_of_100(tmp_path: Path) -> None:
 def test_the_authors_vertex_shader_tells_what_a_varying_runs_over(tmp_path: Path) -> None:
     contract = contract_of(tmp_path, a__frag=ES_100, a__vert=VERTEX)
     assert drawn(contract)[0, 0, :2].tolist() == pytest.approx([-0.875, -5 / 6])
-    moved = VERTEX.replace("varying", "uniform mat4 view;\nvarying").replace("= a_position; }", "= view * a_position; }")
+    moved = VERTEX.replace("varying", "uniform mat4 view;\nvarying").replace("= a_position;", "= view * a_position;")
     contract = contract_of(tmp_path, a__frag=ES_100, a__vert=moved)
     assert any("moves a scene's triangles" in note for note in contract.notes)
 
@@ -82,7 +83,7 @@ def test_a_page_keeps_its_lines(tmp_path: Path) -> None:
     assert contract.passes[0].uniforms[1].where == f"{tmp_path}/page.html:7"
     assert any("page.html:16: another fragment shader, which is left out" in note for note in contract.notes)
     assert drawn(contract)[0, 0, 0] == -0.875
-    refused(tmp_path, "page.html:11: `colour' undeclared", "in the line `gl_FragColor = vec4(mix(colour",
+    refused(tmp_path, "page.html:12: `colour' undeclared", "in the line `gl_FragColor = vec4(mix(colour",
             page__html=page.replace("mix(color,", "mix(colour,"))
 
 
@@ -120,8 +121,8 @@ def test_a_size_that_is_written_in_is_found(tmp_path: Path, text: str, size: tup
 
 def test_unknown_uniforms_are_asked_for_by_name(tmp_path: Path) -> None:
     text = ES_100.replace("varying", "uniform vec3 eye; uniform float idle; uniform sampler2D map; uniform mat3 m;\n"
-                          "uniform float steps[2];\nvarying").replace("vec3(v_uv", "m * eye * steps[1] + texture2D(map, v_uv)"
-                                                                      ".rgb + vec3(v_uv")
+                          "uniform float steps[2];\nvarying").replace("vec3(v_uv", "m * eye * steps[1] + "
+                                                                      "texture2D(map, v_uv).rgb + vec3(v_uv")
     contract = contract_of(tmp_path, a__frag=text)
     assert [(one.name, one.kind, one.size) for one in contract.unknown] == [
         ("eye", "vec3", 0), ("map", "sampler2D", 0), ("m", "mat3", 0), ("steps", "float", 2)]
@@ -138,7 +139,8 @@ def test_unknown_uniforms_are_asked_for_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("name", "value", "says"), [
     ("eyes", 1.0, "--set eyes: the shader declares no uniform of that name; it declares u_previous, u_resolution"),
     ("u_weight", (1.0, 2.0), "a.frag:3: --set u_weight: a float has 1 number, found 2"),
-    ("u_resolution", 1.0, "a vec2 has 2 numbers, found 1"), ("u_time", "tiem", "neither a value nor what a uniform is for"),
+    ("u_resolution", 1.0, "a vec2 has 2 numbers, found 1"),
+    ("u_time", "tiem", "neither a value nor what a uniform is for"),
     ("u_previous", "past", "a sampler reads self, keyboard"), ("v_uv", "sideways", "say unit (0 to 1) or ndc"),
     ("u_previous", "pass:other", "reads the pass 'other', which is not there; there are main"),
 ])
