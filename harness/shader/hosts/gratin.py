@@ -86,7 +86,8 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
         for parameter in node.parameters:
             said = answers.take(parameter.name)
             if said is None and parameter.value is not None:
-                answers.kept[parameter.name] = parameter.value
+                if answers.kept.setdefault(parameter.name, parameter.value) != parameter.value:
+                    answers.note(f"{piece.name}: '{parameter.name}' has another value in an earlier node, which is taken")
         frame = gratin_frame(source, values, inputs, [(one.kind, one.name) for one in node.parameters],
                              displays=not sums and node.index not in fed and len(drawn) > 1, linear=linear)
         passes.append(make_pass(names[node.index], source, frame, answers))

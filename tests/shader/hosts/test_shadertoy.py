@@ -49,7 +49,8 @@ def test_an_export_holds_wiring_and_text(tmp_path: Path, kind: str, wrap: Any) -
 def test_inputs_that_are_not_here_have_stand_ins(tmp_path: Path) -> None:
     text = BUFFER.replace("draw()", "texture(iChannel1, vec3(0.5)).r + texture(iChannel2, at).r + texture(iChannel3, "
                                     "at).r + iChannelResolution[1].x + iChannelTime[0]")
-    extra = [buffer_input(1, 1, ctype="cubemap"), buffer_input(2, 2, ctype="keyboard"), buffer_input(3, 3, ctype="texture")]
+    extra = [buffer_input(1, 1, ctype="cubemap"), buffer_input(2, 2, ctype="keyboard"),
+             buffer_input(3, 3, ctype="texture")]
     contract = contract_of(tmp_path, toy__json=json.dumps(export("ctype", *extra, buffer=text)))
     assert [(c.reads, c.kind) for c in contract.passes[0].channels] == [
         ("self", "sampler2D"), ("cube", "samplerCube"), ("keyboard", "sampler2D"), ("noise", "sampler2D")]

@@ -111,7 +111,8 @@ def test_a_slot_that_only_the_program_can_fill_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("text", "size"), [
     ("gl_FragColor = vec4(gl_FragCoord.xy / 512.0, 0.0, 1.0);", (512, 512)),
     ("vec2 resolution = vec2(640.0, 480.0); gl_FragColor = vec4(resolution, 0.0, 1.0);", (640, 480)),
-    ("const float WIDTH = 320.0; const float HEIGHT = 200.0; gl_FragColor = vec4(WIDTH, HEIGHT, 0.0, 1.0);", (320, 200)),
+    ("const float WIDTH = 320.0, HEIGHT = 200.0; gl_FragColor = vec4(WIDTH, HEIGHT, 0.0, 1.0);", (320, 200)),
+    ("const int WIDTH = 320; const int HEIGHT = 200; gl_FragColor = vec4(WIDTH / HEIGHT);", (320, 200)),
     ("gl_FragColor = vec4(gl_FragCoord.xy / 2.0, 0.0, 1.0);", None),
 ])
 def test_a_size_that_is_written_in_is_found(tmp_path: Path, text: str, size: tuple[int, int] | None) -> None:
