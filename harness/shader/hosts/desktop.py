@@ -9,7 +9,7 @@ from harness.errors import ShaderError
 from harness.shader.contract import Contract
 from harness.shader.declarations import Declarations, declarations, entry
 from harness.shader.hosts.reading import Answers, Dialect, Frame, Given, make_contract, make_pass
-from harness.shader.hosts.written import written_samples, written_size
+from harness.shader.hosts.written import written_size
 from harness.shader.includes import Piece, joined
 from harness.shader.language import GRATIN, Language, said_version
 
@@ -46,7 +46,7 @@ def contract_of(pieces: Sequence[Piece], host: str, otherwise: Language, answers
     size = None if asks or "textureSize" in found.names else written_size(source.text)
     if size:
         answers.note(f"{fragment.name}: the size of its image, {size[0]} x {size[1]}, is written into it")
-    return make_contract(host, [made], answers, size, written_samples(source.text))
+    return make_contract(host, [made], answers, size)
 
 
 def chosen(pieces: Sequence[Piece], answers: Answers) -> tuple[Piece, Piece | None]:

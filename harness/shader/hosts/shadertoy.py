@@ -25,7 +25,7 @@ from harness.shader.hosts.reading import (
     make_pass,
     said_channel,
 )
-from harness.shader.hosts.written import written_samples, written_size
+from harness.shader.hosts.written import written_size
 from harness.shader.includes import Piece, joined
 from harness.shader.language import GLES_300
 from harness.shader.source import ShaderSource
@@ -83,7 +83,7 @@ def contract_of(tabs: Sequence[Tab], answers: Answers, host: str) -> Contract:
     texts = [one.source.text for one in passes]
     asks = any("iResolution" in text or "textureSize" in text for text in texts)
     size = None if asks else next((size for text in texts if (size := written_size(text))), None)
-    return make_contract(host, passes, answers, size, samples=written_samples("\n".join(texts)))
+    return make_contract(host, passes, answers, size)
 
 
 def toy_pass(tab: Tab, source: ShaderSource, answers: Answers, displays: bool) -> ShaderPass:
@@ -215,8 +215,8 @@ def _tabs(files: Sequence[Given], answers: Answers) -> list[Tab]:
             reads = name if not buffers and number == 0 else buffers[number] if number < len(buffers) else ""
             tab.channels[channel] = Channel(channel, "black" if not reads else "self" if reads == name
                                             else f"pass:{reads}")
-            if not reads and _looks_up_directions(channel, "\n".join([file.bare for file in files])):
-                tab.channels[channel] = Channel(channel, "cube", "samplerCube")
+            if _looks_up_directions(channel, named[name].bare):
+                tab.channels[channel], reads = Channel(channel, "cube", "samplerCube"), ""
             said = "its own last frame" if reads == name else reads or tab.channels[channel].reads
             answers.note(f"{named[name].name}: {channel} is taken to read {said}; else say "
                          f"--set '{name}.{channel}=…' ({', '.join(STAND_INS)}, pass:NAME)")

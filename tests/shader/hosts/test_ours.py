@@ -15,3 +15,8 @@ def test_our_tracer_is_read_with_its_samples_numbered(tmp_path: Path, scene: Sce
     assert contract.host == "native" and contract.samples == 16 and not contract.unknown
     assert contract.passes[0].roles == (("numpass", "frame"),)
     assert contract_of(tmp_path, values={"samples_per_pass": 4}, tracer__frag=text).samples == 4
+    show = ("#version 420\nuniform sampler2D pingpong0;\nin vec2 texcoord;\nout vec4 shown;\n"
+            "void main() { shown = texture(pingpong0, texcoord); }\n")
+    both = contract_of(tmp_path, display__frag=show, tracer__frag=text)
+    assert [(one.name, one.displays) for one in both.passes] == [("tracer", False), ("display", True)]
+    assert both.passes[1].channels[0].reads == "pass:tracer"

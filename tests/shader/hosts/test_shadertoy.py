@@ -98,6 +98,19 @@ def test_a_single_tab_reads_its_own_past(tmp_path: Path) -> None:
     assert contract.passes[0].channels[0].reads == "self"
 
 
+def test_a_channel_that_is_looked_up_by_directions_is_a_cube_map(tmp_path: Path) -> None:
+    text = COMMON + BUFFER.replace("color.rgb +=", "vec3 up = vec3(0.0, 1.0, 0.0);\n    color += texture(iChannel1, "
+                                                   "up);\n    color.rgb +=")
+    contract = contract_of(tmp_path, image__glsl=IMAGE, bufferA__glsl=text)
+    assert [(c.reads, c.kind) for c in contract.passes[0].channels] == [("self", "sampler2D"), ("cube", "samplerCube")]
+
+
+def test_samples_of_a_frame_are_those_of_the_pass_that_sums(tmp_path: Path) -> None:
+    contract = contract_of(tmp_path, image__glsl="#define SAMPLES 64\n" + IMAGE,
+                           bufferA__glsl=f"#define SPP 4\n{COMMON}{BUFFER}")
+    assert contract.samples == 4
+
+
 @pytest.mark.parametrize(("text", "says"), [
     ("{\n\n", "toy.json:3: not JSON"), ('{"a": 1}', "no export of one Shadertoy"),
     ("[" * 9999, "JSON nested too deeply"),

@@ -69,7 +69,7 @@ def test_a_varying_of_which_nobody_knows_is_noted_and_may_be_said(tmp_path: Path
     assert not said.notes and drawn(said)[0, 0, 0] == -0.875
 
 
-PAGE = """<html><script type="x-shader/x-vertex">{vertex}</script>
+PAGE = """<html>’<script type="x-shader/x-vertex">{vertex}</script>
 <script id="trace" type="x-shader/x-fragment">
 {trace}</script>
 <script id="show" type="x-shader/x-fragment">
