@@ -13,14 +13,11 @@ from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
-    from harness.diagnosis.stranger import Judged
-    from harness.estimators.shader import Shader
+    from harness.diagnosis.checked import Checked
     from harness.scene import SceneFile
     from harness.shader.contract import Contract
     from harness.strangers.findings import Findings
 
-# Pixels of the film that a shader is judged on unless somebody says otherwise.
-WIDTH = 64
 FilesArgument = Annotated[list[Path], typer.Argument(help="The shader's files, or a folder of them.",
                                                      show_default=False)]
 ValueOption = Annotated[list[str] | None, typer.Option(
@@ -40,6 +37,8 @@ def check(
     budget: Annotated[float, typer.Option("--budget", min=0.5, max=86400.0, help="Seconds for its frames.")] = 60.0,
     tolerance: Annotated[float | None, typer.Option("--tolerance", min=1e-9, max=1.0, show_default=False, help=(
         "Bias, relative to the mean, that still counts as equivalent."))] = None,
+    causes: Annotated[bool, typer.Option("--causes/--no-causes", help="Look for the cause of a picture that is wrong; "
+                                         "the first time on a scene takes a minute or two.")] = True,
     cache: CacheOption = True,
     device: DeviceOption = None,
     json: JsonOption = False,
@@ -52,37 +51,33 @@ def check(
     Example: `harness check homework.frag --scene spheres`
     """
     from harness.cli.options import require_memory
-    from harness.estimators.shader import Shader, require_known
+    from harness.diagnosis.checked import check_shader, sized
+    from harness.estimators.shader import Shader
 
     given = parse_values(values or ())
     shader = Shader(tuple(files), host, tuple(sorted(given.items())), _contract(contract, files))
     read = shader.read()
-    require_known(read)
-    file = None if scene is None else _scene(scene, size, read)
+    width, height = parse_size(size)
+    asked = (width, height) if width and height else None
+    file = None if scene is None else sized(scene_file(scene), asked or read.size)
     if file is not None:
         require_memory(file)
-        shader.check(file)
-    found = _experiments(shader, read, file, size)
-    judged = None
-    if file is not None and not _hopeless(found):
-        from harness.diagnosis.stranger import judge_stranger
-
-        judged = judge_stranger(_completed(shader, found), file, store=open_store(cache), budget=budget,
-                                tolerance=tolerance, encoding=found.encoding, progress=progress)
-        # Here the causes are asked for, of a verdict that no transform explains: judged.found against judged.reference
-        # on judged.scene (harness.diagnosis.causes).
+    checked = check_shader(shader, file, size=asked if file is None else None,
+                           store=open_store(cache), budget=budget, tolerance=tolerance, causes=causes,
+                           progress=progress)
     if json:
-        print_json(as_json(found, judged))
+        print_json(as_json(checked))
     else:
-        for line in lines(found, judged):
+        for line in lines(checked):
             print(line)
     if file is None and not json:
         log("note: give --scene SCENE to have its picture judged too")
-    return 1 if found.faults or (judged is not None and judged.outcome != "pass") else 0
+    return 0 if checked.is_right else 1
 
 
-def lines(found: Findings, judged: Judged | None) -> list[str]:
+def lines(checked: Checked) -> list[str]:
     """All that was found out, for a reader."""
+    found, judged = checked.found, checked.judged
     told = [_paragraph(found)]
     told += [f"{one.severity}: {one.where + ': ' if one.where else ''}{one.told}" for one in found.found]
     told.append(f"accumulation: {found.accumulation.outcome}: {found.accumulation.told}")
@@ -91,12 +86,17 @@ def lines(found: Findings, judged: Judged | None) -> list[str]:
 
         first, *others = of(judged)
         told += [f"estimator: {first}", *(f"  {line}" for line in others)]
+    if checked.diagnosis is not None:
+        first, *others = checked.diagnosis.sentences
+        told += [f"cause: {first}", *(f"  {line}" for line in others)]
+    if checked.repaired is not None:
+        told.append(f"proof: {checked.repaired.sentence}")
     return told
 
 
-def as_json(found: Findings, judged: Judged | None) -> dict[str, Any]:
+def as_json(checked: Checked) -> dict[str, Any]:
     """The same as plain data."""
-    contract = found.contract
+    found, judged, contract = checked.found, checked.judged, checked.found.contract
     report: dict[str, Any] = {
         "contract": {"host": contract.host, "passes": [one.name for one in contract.passes],
                      "radiance": contract.radiance, "law": contract.law, "samples": contract.samples,
@@ -112,6 +112,10 @@ def as_json(found: Findings, judged: Judged | None) -> dict[str, Any]:
             "reference": judged.integrator, "note": judged.note,
             "worst": {name: getattr(judged.worst, name)
                       for name in ("x", "y", "tile", "channel", "error", "low", "high")}}
+    if checked.diagnosis is not None:
+        report["diagnosis"] = checked.diagnosis.as_json()
+    if (proof := checked.repaired) is not None:
+        report["repair"] = {"where": proof.where, "before": proof.before, "after": proof.after, "says": proof.says}
     return report
 
 
@@ -123,41 +127,6 @@ def _paragraph(found: Findings) -> str:
     if contract.samples > 1:
         parts.append(f"{contract.samples} samples a frame")
     return "; ".join([*parts, *contract.notes])
-
-
-def _experiments(shader: Shader, read: Contract, file: SceneFile | None, size: str | None) -> Findings:
-    from harness.strangers.experiment import SIZE, experiment
-    from harness.strangers.process import Process
-
-    width, height = parse_size(size)
-    film = (width, height) if width and height and file is None else SIZE
-    with Process(shader.limits) as process, progress(None, f"{shader.name} experiments"):
-        return experiment(read, process, film)
-
-
-def _completed(shader: Shader, found: Findings) -> Shader:
-    from dataclasses import replace
-
-    return replace(shader, contract=found.contract)
-
-
-def _hopeless(found: Findings) -> bool:
-    """Whether there is nothing to hold against a reference."""
-    from harness.strangers.experiment import HOPELESS
-
-    return any(found.has(kind) for kind in HOPELESS)
-
-
-def _scene(word: str, size: str | None, read: Contract) -> SceneFile:
-    """The scene at the size asked for, at the author's own, or at a small one of the film's shape."""
-    file = scene_file(word)
-    width, height = parse_size(size)
-    if width and height:
-        return file.sized(width, height)
-    if read.size:
-        return file.sized(*read.size)
-    film = file.film
-    return file.sized(WIDTH, max(1, round(WIDTH * film.height / film.width)))
 
 
 def scene_file(word: str) -> SceneFile:

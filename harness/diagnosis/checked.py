@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from harness.diagnosis.causes import Diagnosis, diagnose
+from harness.diagnosis.repaired import Repaired, repaired
 from harness.diagnosis.stranger import Judged, judge_stranger, reference, tolerance_of
 from harness.estimators.shader import Shader, require_known
 from harness.progress import Progress, quiet
@@ -22,10 +24,13 @@ HOPELESS = ("never_writes", "black", "nan_flood")
 @dataclass(frozen=True, eq=False)
 class Checked:
     """`found`: what the experiments say; `judged`: the verdict on a scene, None where none was asked for, or where the
-    shader draws nothing that could be judged."""
+    shader draws nothing that could be judged. `diagnosis`: why the picture is wrong, where it is and no transform
+    explains it; `repaired`: a line with which it passes, where a known repair is one."""
 
     found: Findings
     judged: Judged | None = None
+    diagnosis: Diagnosis | None = None
+    repaired: Repaired | None = None
 
     @property
     def is_right(self) -> bool:
@@ -35,11 +40,12 @@ class Checked:
 
 def check_shader(shader: Shader, scene: SceneFile | None = None, *, size: tuple[int, int] | None = None,
                  store: Store | None = None, budget: float = 60.0, tolerance: float | None = None,
-                 progress: Progress = quiet) -> Checked:
+                 causes: bool = True, progress: Progress = quiet) -> Checked:
     """Everything that can be found out of a shader; `size` of the experiments' film, which is small if None.
 
-    `budget`: seconds for drawing the frames that are judged. HarnessError where a uniform's use is unknown, ShaderError
-    for a shader that does not compile, takes too long or ends its process.
+    `budget`: seconds for drawing the frames that are judged. `causes`: whether to look for the cause of a picture that
+    is wrong, which on a scene's first time takes a minute or two. HarnessError where a uniform's use is unknown,
+    ShaderError for a shader that does not compile, takes too long or ends its process.
     """
     read = shader.read()
     require_known(read)
@@ -49,8 +55,15 @@ def check_shader(shader: Shader, scene: SceneFile | None = None, *, size: tuple[
         found = experiment(read, process, size or SIZE)
     if scene is None or any(found.has(kind) for kind in HOPELESS):
         return Checked(found)
-    return Checked(found, judge_stranger(replace(shader, contract=found.contract), scene, store=store, budget=budget,
-                                         tolerance=tolerance, encoding=found.encoding, progress=progress))
+    shader = replace(shader, contract=found.contract)
+    judged = judge_stranger(shader, scene, store=store, budget=budget, tolerance=tolerance, encoding=found.encoding,
+                            progress=progress)
+    if not causes or judged.outcome != "fail" or judged.transform:
+        return Checked(found, judged)
+    diagnosis = diagnose(judged.scene, judged.found, judged.reference, store=store, progress=progress)
+    with progress(None, f"{shader.name} repairs"):
+        proof = repaired(shader, diagnosis, scene, store=store, budget=budget, tolerance=tolerance)
+    return Checked(found, judged, diagnosis, proof)
 
 
 def sized(scene: SceneFile, size: tuple[int, int] | None = None) -> SceneFile:

@@ -89,12 +89,12 @@ class Judged:
 
 def judge_stranger(shader: Shader, scene: SceneFile, *, store: Store | None = None, budget: float = 60.0,
                    tolerance: float | None = None, encoding: Encoding = "", spp: int | None = None,
-                   progress: Progress = quiet) -> Judged:
+                   transforms: bool = True, progress: Progress = quiet) -> Judged:
     """Hold a shader's single frames against Mitsuba's picture of the scene.
 
     `budget`: seconds for the shader's frames; the verdict is told as soon as it is certain. `encoding`: what the
     experiments found frames to be put through. `spp`: samples per pixel of the reference, enough for the film if None.
-    Raises as the estimators do.
+    `transforms`: whether to ask what a picture that fails was put through. Raises as the estimators do.
     """
     allowed = tolerance_of(scene, tolerance)
     began = time.perf_counter()
@@ -103,7 +103,7 @@ def judge_stranger(shader: Shader, scene: SceneFile, *, store: Store | None = No
     held = reference(scene, allowed, spp=spp, store=store, progress=progress)
     images, verdict = _drawn(replace(shader, run=run), scene, held, allowed, budget, progress)
     transform = ""
-    if verdict.outcome == "fail":
+    if verdict.outcome == "fail" and transforms:
         # First what is done to each frame: of it no transform of the mean is the inverse.
         transform = (_encoded(replace(shader, run=run), scene, held, allowed, images, encoding)
                      or _transformed(images, run, scene, held, spp, store, progress))

@@ -99,8 +99,21 @@ def _graded(name: str, files: tuple[str, ...], checked: Checked, scene: SceneFil
     place = "" if judged.outcome == "pass" else (
         f"worst in x {worst.x} to {worst.x + worst.tile}, y {worst.y} to {worst.y + worst.tile}: {worst.channel} "
         f"{worst.error:+.2%}")
-    return replace(common, error=(low, error, high), place=place, family="the way from samples to pixels, not the paths"
-                   if judged.transform else "", formula=judged.transform, pictures=tuple(_pictures(judged, scene)))
+    family, formula = _cause(checked)
+    return replace(common, error=(low, error, high), place=place, family=family, formula=formula,
+                   pictures=tuple(_pictures(judged, scene)))
+
+
+def _cause(checked: Checked) -> tuple[str, str]:
+    """Of what kind the cause is, and which it is; nothing where that is not known."""
+    judged, diagnosis = checked.judged, checked.diagnosis
+    if judged is not None and judged.transform:
+        return "the way from samples to pixels, not the paths", judged.transform
+    if diagnosis is None or diagnosis.outcome not in ("cause", "several"):
+        return "", ""
+    families = dict.fromkeys(cause.family for cause in diagnosis.causes if cause.same)
+    proof = f"; {checked.repaired.sentence}" if checked.repaired else ""
+    return f"look at: {', '.join(families)}", diagnosis.sentence + proof
 
 
 def _picture(judged: Judged | None, faults: Sequence[Finding]) -> Part:

@@ -1,0 +1,96 @@
+"""The proof of a cause: the author's own text with one line mended, judged again."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from harness.diagnosis.causes import Diagnosis, repairs
+from harness.diagnosis.stranger import Judged, judge_stranger
+from harness.errors import HarnessError, MachineError, StoreError
+from harness.estimators.shader import Shader
+from harness.samples.store import Store
+from harness.scene import SceneFile
+
+# Files whose lines are the author's lines; in a JSON export or a pipeline they are escaped, and stand on one.
+TEXTS = (".glsl", ".frag", ".fs", ".fsh", ".html", ".htm", ".js", ".vue")
+# So many repairs are tried at most, each with this part of the seconds that the shader itself had.
+TRIED, SHARE = 8, 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """A line with which the shader passes: `where` it stands, 'file:line', as it was and as it is, what was done, and
+    the verdict."""
+
+    where: str
+    before: str
+    after: str
+    says: str
+    judged: Judged
+
+    @property
+    def sentence(self) -> str:
+        """The proof in a sentence."""
+        return (f"{self.where}: with this line changed it passes: `{self.after}` in place of `{self.before}` "
+                f"({self.says})")
+
+
+def repaired(shader: Shader, diagnosis: Diagnosis, scene: SceneFile, *, store: Store | None = None,
+             budget: float = 60.0, tolerance: float | None = None) -> Repaired | None:
+    """The first known repair of a likely cause with which the shader passes; None where none does.
+
+    Nothing of the author's is changed: copies are judged.
+    """
+    causes = dict.fromkeys(name for cause in diagnosis.causes for name in (cause.id, *cause.alike) if name)
+    tried: set[str] = set()
+    for name in causes:
+        for root, file in _texts(shader.files):
+            for repair in repairs(name, file.read_text(encoding="utf-8", errors="replace")):
+                if repair.text in tried:
+                    continue
+                if len(tried) == TRIED:
+                    return None
+                tried.add(repair.text)
+                judged = _judged(shader, root, file, repair.text, scene, store, SHARE * budget, tolerance)
+                if judged is not None and judged.outcome == "pass":
+                    return Repaired(f"{file}:{repair.line}", repair.before, repair.after, repair.says, judged)
+    return None
+
+
+def _texts(files: Sequence[Path]) -> Iterator[tuple[Path, Path]]:
+    """The files whose lines can be mended, each with the file or folder that it was named by."""
+    for root in files:
+        for file in sorted(root.rglob("*")) if root.is_dir() else [root]:
+            if file.suffix.lower() in TEXTS and file.is_file():
+                yield root, file
+
+
+def _judged(shader: Shader, root: Path, file: Path, text: str, scene: SceneFile, store: Store | None, budget: float,
+            tolerance: float | None) -> Judged | None:
+    """The verdict on a copy with one text exchanged; None where it does not run."""
+    with tempfile.TemporaryDirectory(prefix="harness-repair-") as folder:
+        copies = []
+        for number, each in enumerate(shader.files):
+            copy = Path(folder) / str(number) / each.name
+            if each.is_dir():
+                shutil.copytree(each, copy)
+            else:  # with what stands beside it, which it may include
+                copy.parent.mkdir()
+                for beside in each.parent.iterdir():
+                    if beside.suffix.lower() in TEXTS and beside.is_file():
+                        shutil.copy(beside, copy.parent / beside.name)
+                shutil.copy(each, copy)
+            if each == root:
+                (copy / file.relative_to(each) if each.is_dir() else copy).write_text(text, encoding="utf-8")
+            copies.append(copy)
+        try:
+            return judge_stranger(replace(shader, files=tuple(copies), contract=None), scene, store=store,
+                                  budget=budget, tolerance=tolerance, transforms=False)
+        except (MachineError, StoreError):
+            raise
+        except HarnessError:
+            return None
