@@ -1,0 +1,68 @@
+"""Shadertoy: the tabs Common, Buffer A and Image, each as a file, and all three as one JSON of its API's form."""
+
+from __future__ import annotations
+
+import json
+
+from harness.shader.exports.base import Job, fitted, shown
+
+HOST = "shadertoy"
+# Shadertoy's own id of Buffer A's output.
+BUFFER_A = 257
+
+
+def export(job: Job) -> dict[str, str]:
+    """The tabs, and `NAME.json`. HarnessError for a scene with images, which no channel of Shadertoy takes."""
+    job.refuse_images("Shadertoy takes no images of one's own; export to webgl, gratin, glslviewer or glsl")
+    common = "\n".join([
+        job.head("On shadertoy.com: this text is the tab Common; buffer_a.glsl that of Buffer A, whose iChannel0 is Buffer A "
+                 "itself;", "and image.glsl that of Image, whose iChannel0 is Buffer A too. The picture grows from frame to "
+                 "frame; the button", "that rewinds begins anew, as after a change of size."),
+        job.tracer(es=True).written(), fitted(job.scene.width, job.scene.height), job.encode()])
+    buffer_a = _buffer(job)
+    image = _image(job)
+    tabs = {"common.glsl": common, "buffer_a.glsl": buffer_a, "image.glsl": image}
+    return {**tabs, f"{job.name}.json": _json(job, common, buffer_a, image)}
+
+
+def _buffer(job: Job) -> str:
+    return f"""// Buffer A, whose iChannel0 is Buffer A: rgb the sum of radiance, alpha the number of samples in it.
+const int SAMPLES = {job.frame_samples};  // per pixel and frame
+
+void mainImage(out vec4 color, in vec2 coord)
+{{
+    ivec4 film = film_in(ivec2(iResolution.xy));
+    ivec2 pixel = ivec2(coord) - film.xy;
+    color = vec4(0.0);
+    if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, film.zw)))
+        return;
+    vec4 sum = iFrame > 0 ? texelFetch(iChannel0, ivec2(coord), 0) : vec4(0.0);
+    color = trace_samples(sum, uvec2(pixel), vec2(film.zw), 0u, uint(iFrame) * uint(SAMPLES), SAMPLES);
+}}
+"""
+
+
+def _image(job: Job) -> str:
+    return f"""// Image, whose iChannel0 is Buffer A: the mean, encoded for the display.
+void mainImage(out vec4 color, in vec2 coord)
+{{
+{shown(job.exposure, "texelFetch(iChannel0, ivec2(coord), 0)")}    color = vec4(encoded, 1.0);
+}}
+"""
+
+
+def _json(job: Job, common: str, buffer_a: str, image: str) -> str:
+    reads = [{"id": BUFFER_A, "src": "/media/previz/buffer00.png", "ctype": "buffer", "channel": 0, "published": 1,
+              "sampler": {"filter": "nearest", "wrap": "clamp", "vflip": "true", "srgb": "false", "internal": "byte"}}]
+    passes = [
+        {"type": "image", "name": "Image", "code": image, "inputs": reads, "outputs": [{"id": 37, "channel": 0}]},
+        {"type": "buffer", "name": "Buffer A", "code": buffer_a, "inputs": reads,
+         "outputs": [{"id": BUFFER_A, "channel": 0}]},
+        {"type": "common", "name": "Common", "code": common, "inputs": [], "outputs": []},
+    ]
+    info = {"id": "", "date": "0", "viewed": 0, "name": job.scene.name, "username": "", "likes": 0, "published": 0,
+            "flags": 32, "usePreview": 0, "tags": ["pathtracer"], "hasliked": 0,
+            "description": f"Path tracer, strategy {job.strategy}."}
+    whole = {"Shader": {"ver": "0.1", "info": info,
+                        "renderpass": [{"description": "", **one} for one in passes]}}
+    return json.dumps(whole, indent=1) + "\n"

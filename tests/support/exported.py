@@ -1,0 +1,99 @@
+"""A small host for exported shaders: what each dialect's own program would draw, frame by frame, into float textures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+from xml.etree import ElementTree
+
+import moderngl
+import numpy as np
+
+from harness.gpu.context import context
+from harness.gpu.pingpong import PingPong
+from harness.gpu.samplers import Samplers
+from harness.scene import Scene
+from harness.shader.hosts.native import NATIVE
+from harness.shader.library import OURS
+
+_VERTEX = """#version {version}
+out vec2 texcoord;
+void main()
+{{
+    texcoord = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);
+    gl_Position = vec4(texcoord * 2.0 - 1.0, 0.0, 1.0);
+}}
+"""
+SHADERTOY_HEAD = """#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+uniform vec3 iResolution;
+uniform int iFrame;
+uniform sampler2D iChannel0;
+out vec4 shadertoy_out;
+"""
+SHADERTOY_TAIL = "\nvoid main() { mainImage(shadertoy_out, gl_FragCoord.xy); }\n"
+
+Files = Mapping[str, str | bytes]
+Uniforms = Callable[[int], Mapping[str, Any]]
+
+
+def accumulate(fragment: str, size: tuple[int, int], frames: int, previous: str, uniforms: Uniforms,
+               scene: Scene | None = None) -> np.ndarray:
+    """What `frames` frames leave, (H, W, 4) float32, row 0 at the top; `previous` samples the last one. The images of
+    `scene` are bound as the harness does."""
+    gl = context()
+    version = re.match(r"#version (.*)", fragment)
+    assert version, "a shader begins with its version"
+    desktop = "420 core" if "es" not in version[1] else version[1]
+    program = gl.program(vertex_shader=_VERTEX.format(version=desktop), fragment_shader=fragment)
+    triangle = gl.vertex_array(program, [])
+    rng = np.random.default_rng(1)  # of what the first frame may find: anything, as in Gratin
+    stale = rng.uniform(1, 9, (size[1], size[0], 4)).astype(np.float32).tobytes()
+    textures = [gl.texture(size, 4, stale, dtype="f4") for _ in range(2)]
+    framebuffers = [gl.framebuffer([texture]) for texture in textures]
+    samplers = Samplers(scene) if scene else None
+    for number in range(frames):
+        textures[number % 2].filter = moderngl.NEAREST, moderngl.NEAREST
+        textures[number % 2].use(0)
+        framebuffers[1 - number % 2].use()
+        gl.scissor = None
+        bound = samplers.bind(1) if samplers else {}
+        for name, value in {previous: 0, **bound, **uniforms(number)}.items():
+            if name in program:
+                program[name].value = value
+        triangle.render(moderngl.TRIANGLES, vertices=3)
+    pixels = np.frombuffer(textures[frames % 2].read(), np.float32).reshape(size[1], size[0], 4)[::-1].copy()
+    for thing in (triangle, program, *framebuffers, *textures, *([samplers] if samplers else [])):
+        thing.release()
+    return pixels
+
+
+def rendered(scene: Scene, strategy: str, samples: int) -> np.ndarray:
+    """What `harness render` sums over as many samples of replica 0, (H, W, 4) float32, row 0 at the top."""
+    samplers = Samplers(scene)
+    pingpong = PingPong(OURS.tracer(scene, strategy), (scene.width, scene.height), NATIVE, samplers.bind, 64)
+    try:
+        return pingpong.total(0, 0, samples, None).astype(np.float32)
+    finally:
+        pingpong.release()
+        samplers.release()
+
+
+def drawn(host: str, files: Files, scene: Scene, frames: int) -> np.ndarray:
+    """What a host's own program sums of its exported `files`."""
+    size = scene.width, scene.height
+    texts = {name: text for name, text in files.items() if isinstance(text, str)}
+    if host == "shadertoy":
+        text = SHADERTOY_HEAD + texts["common.glsl"] + texts["buffer_a.glsl"] + SHADERTOY_TAIL
+        return accumulate(text, size, frames, "iChannel0", lambda n: {"iFrame": n, "iResolution": (*size, 1.0)})
+    if host == "glslviewer":
+        version, _, rest = next(iter(texts.values())).partition("\n")
+        return accumulate(f"{version}\n#define DOUBLE_BUFFER_0\n{rest}", size, frames, "u_doubleBuffer0",
+                          lambda n: {"u_frame": n, "u_resolution": size}, scene)
+    if host == "glsl":
+        tracer = next(text for name, text in texts.items() if not name.endswith(".display.frag"))
+        return accumulate(tracer, size, frames, "pingpong0", lambda n: {"numpass": n}, scene)
+    raise NotImplementedError(host)
