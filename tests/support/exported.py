@@ -82,6 +82,36 @@ def rendered(scene: Scene, strategy: str, samples: int) -> np.ndarray:
         samplers.release()
 
 
+def _gratin(pipeline: str, frames: int, scene: Scene) -> np.ndarray:
+    """What Gratin's ping-pong node would draw: with the head that Gratin writes, and the widgets' values."""
+    graph = ElementTree.fromstring(pipeline)
+    node = named(graph, "node-0")
+    names = [value(node, f"genericWidgetName-{index}") for index in range(int(value(node, "genericNbWidgets")))]
+    widgets = [float(value(named(graph, "nodeWidget-0", f"childWidget-{index}"), "currentVal"))
+               for index in range(len(names))]
+    inputs = [value(graph, f"nodeInputName-0-{index}") for index in range(int(value(graph, "nodeInputNameSize-0")))]
+    head = "\n".join(["#version 420", "layout(location = 0) out vec4 outBuffer0;",
+                      *(f"uniform sampler2D {name};" for name in inputs), *(f"uniform float {name};" for name in names),
+                      "uniform sampler2D pingpong0;", "uniform int numpass;", ""])
+    width, height = (int(value(named(node, "genericTOffset"), axis)) for axis in "01")
+    return accumulate(head + value(node, "genericFragBody"), (width, height), frames, "pingpong0",
+                      lambda n: {"numpass": n, **dict(zip(names, widgets, strict=True))}, scene)
+
+
+def named(data: ElementTree.Element, *names: str) -> ElementTree.Element:
+    """The element of that name anywhere below, of the next below that, and so on."""
+    for name in names:
+        found = data.find(f".//*[@name='{name}']")
+        assert found is not None, f"the pipeline has no {name}"
+        data = found
+    return data
+
+
+def value(data: ElementTree.Element, name: str) -> str:
+    """What the element of that name holds."""
+    return named(data, name).attrib["val"]
+
+
 def drawn(host: str, files: Files, scene: Scene, frames: int) -> np.ndarray:
     """What a host's own program sums of its exported `files`."""
     size = scene.width, scene.height
@@ -93,6 +123,13 @@ def drawn(host: str, files: Files, scene: Scene, frames: int) -> np.ndarray:
         version, _, rest = next(iter(texts.values())).partition("\n")
         return accumulate(f"{version}\n#define DOUBLE_BUFFER_0\n{rest}", size, frames, "u_doubleBuffer0",
                           lambda n: {"u_frame": n, "u_resolution": size}, scene)
+    if host == "gratin":
+        return _gratin(next(iter(texts.values())), frames, scene)
+    if host == "webgl":
+        page = next(iter(texts.values()))
+        text = re.search(r'<script id="tracer"[^>]*>(.*?)</script>', page, re.DOTALL)
+        assert text
+        return accumulate(text[1], size, frames, "u_previous", lambda n: {"u_frame": n, "u_resolution": size}, scene)
     if host == "glsl":
         tracer = next(text for name, text in texts.items() if not name.endswith(".display.frag"))
         return accumulate(tracer, size, frames, "pingpong0", lambda n: {"numpass": n}, scene)

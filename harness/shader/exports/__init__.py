@@ -10,13 +10,13 @@ from collections.abc import Callable, Mapping
 
 from harness.errors import HarnessError
 from harness.scene.model import Scene
-from harness.shader.exports import glsl, glslviewer, shadertoy
+from harness.shader.exports import glsl, glslviewer, gratin, shadertoy, webgl
 from harness.shader.exports.base import Job
 from harness.shader.library import OURS, Library
 from harness.shader.strategies import check_strategy
 
 Exporter = Callable[[Job], Mapping[str, str | bytes]]
-HOSTS: dict[str, Exporter] = {module.HOST: module.export for module in (shadertoy, glslviewer, glsl)}
+HOSTS: dict[str, Exporter] = {module.HOST: module.export for module in (gratin, shadertoy, glslviewer, webgl, glsl)}
 SAMPLES = 4  # per pixel and frame: a slow device still shows some frames a second
 
 
