@@ -29,6 +29,9 @@ CHOSEN = """    // A ray parallel to a face must not divide by zero: infinity mi
     vec3 direction = vec3(dot(row_x.xyz, d), dot(row_y.xyz, d), dot(row_z.xyz, d));
     direction = mix(direction, vec3(1e-30), equal(direction, vec3(0.0)));
 """
+# Sums and products of constants that wrap around: a translator to WGSL, which refuses them, is told their values.
+_WRAPPING = re.compile(r"\bNOISE_X \+ NOISE_Y\b|\b(?P<octave>\d+)u \* NOISE_OCTAVE\b")
+_NOISE_X, _NOISE_Y, _NOISE_OCTAVE = 0x85EBCA77, 0xC2B2AE3D, 0x9E3779B9  # glsl/lib/noise.glsl
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class Job:
         root = f'#include "{GENERATED}"\n#include "lib/path.glsl"\n'
         text = self.library.assembled(_ROOT, {GENERATED: scene, _ROOT: root, **(generated or {})}).text
         if es:
-            text = text.replace(PRECISE, CHOSEN).replace("precise ", "")
+            text = _WRAPPING.sub(_wrapped, text.replace(PRECISE, CHOSEN).replace("precise ", ""))
         return split(text).only(["trace_samples"])
 
     def encode(self) -> str:
@@ -77,6 +80,11 @@ class Job:
         """HarnessError where the scene reads images."""
         if images := image_names(self.scene):
             raise HarnessError(f"scene '{self.scene.name}' reads images ({', '.join(images)}): {why}")
+
+
+def _wrapped(found: re.Match[str]) -> str:
+    whole = int(found["octave"]) * _NOISE_OCTAVE if found["octave"] else _NOISE_X + _NOISE_Y
+    return f"0x{whole % 2**32:08x}u"
 
 
 def image_names(scene: Scene) -> list[str]:
