@@ -1,9 +1,9 @@
-"""A small host for exported shaders: what each dialect's own program would draw, frame by frame, into float textures."""
+"""A small host for exported shaders: what each dialect's own program would draw, frame by frame."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
@@ -13,7 +13,9 @@ import numpy as np
 from harness.gpu.context import context
 from harness.gpu.pingpong import PingPong
 from harness.gpu.samplers import Samplers
+from harness.samples.tone import encode_srgb
 from harness.scene import Scene
+from harness.shader.exports.images import Image, images_of
 from harness.shader.hosts.native import NATIVE
 from harness.shader.library import OURS
 
@@ -41,9 +43,10 @@ Uniforms = Callable[[int], Mapping[str, Any]]
 
 
 def accumulate(fragment: str, size: tuple[int, int], frames: int, previous: str, uniforms: Uniforms,
-               scene: Scene | None = None) -> np.ndarray:
+               scene: Scene | None = None, images: Sequence[tuple[str, Image]] = ()) -> np.ndarray:
     """What `frames` frames leave, (H, W, 4) float32, row 0 at the top; `previous` samples the last one. The images of
-    `scene` are bound as the harness does."""
+    `scene` are bound as the harness does; `images`, by their sampler, as a host does that knows nothing of them: as the
+    file is, last row first, without a filter."""
     gl = context()
     version = re.match(r"#version (.*)", fragment)
     assert version, "a shader begins with its version"
@@ -55,20 +58,35 @@ def accumulate(fragment: str, size: tuple[int, int], frames: int, previous: str,
     textures = [gl.texture(size, 4, stale, dtype="f4") for _ in range(2)]
     framebuffers = [gl.framebuffer([texture]) for texture in textures]
     samplers = Samplers(scene) if scene else None
+    loaded = {sampler: _loaded(gl, image) for sampler, image in images}
     for number in range(frames):
         textures[number % 2].filter = moderngl.NEAREST, moderngl.NEAREST
         textures[number % 2].use(0)
         framebuffers[1 - number % 2].use()
         gl.scissor = None
-        bound = samplers.bind(1) if samplers else {}
+        bound = dict(samplers.bind(1)) if samplers else {}
+        for unit, (sampler, texture) in enumerate(loaded.items(), start=1):
+            texture.use(unit)
+            bound[sampler] = unit
         for name, value in {previous: 0, **bound, **uniforms(number)}.items():
             if name in program:
                 program[name].value = value
         triangle.render(moderngl.TRIANGLES, vertices=3)
     pixels = np.frombuffer(textures[frames % 2].read(), np.float32).reshape(size[1], size[0], 4)[::-1].copy()
-    for thing in (triangle, program, *framebuffers, *textures, *([samplers] if samplers else [])):
+    for thing in (triangle, program, *framebuffers, *textures, *loaded.values(), *([samplers] if samplers else [])):
         thing.release()
     return pixels
+
+
+def _loaded(gl: moderngl.Context, image: Image) -> moderngl.Texture:
+    texels = image.texels()[::-1]
+    texels = encode_srgb(texels) if image.encoded else texels
+    height, width = texels.shape[:2]
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :3] = texels
+    texture = gl.texture((width, height), 4, rgba.tobytes(), dtype="f4")
+    texture.filter = moderngl.NEAREST, moderngl.NEAREST
+    return texture
 
 
 def rendered(scene: Scene, strategy: str, samples: int) -> np.ndarray:
@@ -95,7 +113,8 @@ def _gratin(pipeline: str, frames: int, scene: Scene) -> np.ndarray:
                       "uniform sampler2D pingpong0;", "uniform int numpass;", ""])
     width, height = (int(value(named(node, "genericTOffset"), axis)) for axis in "01")
     return accumulate(head + value(node, "genericFragBody"), (width, height), frames, "pingpong0",
-                      lambda n: {"numpass": n, **dict(zip(names, widgets, strict=True))}, scene)
+                      lambda n: {"numpass": n, **dict(zip(names, widgets, strict=True))},
+                      images=list(zip(inputs, images_of(scene), strict=True)))
 
 
 def named(data: ElementTree.Element, *names: str) -> ElementTree.Element:
@@ -122,7 +141,8 @@ def drawn(host: str, files: Files, scene: Scene, frames: int) -> np.ndarray:
     if host == "glslviewer":
         version, _, rest = next(iter(texts.values())).partition("\n")
         return accumulate(f"{version}\n#define DOUBLE_BUFFER_0\n{rest}", size, frames, "u_doubleBuffer0",
-                          lambda n: {"u_frame": n, "u_resolution": size}, scene)
+                          lambda n: {"u_frame": n, "u_resolution": size},
+                          images=[(image.sampler, image) for image in images_of(scene)])
     if host == "gratin":
         return _gratin(next(iter(texts.values())), frames, scene)
     if host == "webgl":

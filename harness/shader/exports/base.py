@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import metadata
 
-from harness.errors import HarnessError
 from harness.scene.model import Scene
 from harness.shader.exports.readable import Text, split
 from harness.shader.library import GENERATED, Library
@@ -20,12 +19,14 @@ MAX_ITERATIONS = 32_768
 # The file that hosts begin with in place of path_tracer.frag: their own `main` stands below what it includes.
 _ROOT = "tracer.glsl"
 _DISPLAY = "display.frag"
-# The library's one use of `precise`, which GLSL ES 3.00 has not, and what keeps a compiler from losing the addend there.
-PRECISE = """    // The addend keeps a ray parallel to a face from dividing by zero: infinity minus infinity below would make every
+# The library's one use of `precise`, which GLSL ES 3.00 has not, and what keeps a ray from dividing by zero without.
+PRECISE = """\
+    // The addend keeps a ray parallel to a face from dividing by zero: infinity minus infinity below would make every
     // such ray hit. `precise`, or the compiler may move it into the sum of the dot product, where it vanishes.
     precise vec3 direction = vec3(dot(row_x.xyz, d), dot(row_y.xyz, d), dot(row_z.xyz, d)) + 1e-30;
 """
-CHOSEN = """    // A ray parallel to a face must not divide by zero: infinity minus infinity below would make every such ray hit.
+CHOSEN = """\
+    // A ray parallel to a face must not divide by zero: infinity minus infinity below would make every such ray hit.
     vec3 direction = vec3(dot(row_x.xyz, d), dot(row_y.xyz, d), dot(row_z.xyz, d));
     direction = mix(direction, vec3(1e-30), equal(direction, vec3(0.0)));
 """
@@ -52,7 +53,8 @@ class Job:
     @property
     def frame_samples(self) -> int:
         """Samples per pixel of one frame: as asked, or fewer where paths are so long that drivers would break off."""
-        return max(1, min(self.samples, MAX_ITERATIONS // (self.scene.max_depth * (1 + march_steps(self.scene.shapes)))))
+        iterations = self.scene.max_depth * (1 + march_steps(self.scene.shapes))  # of one sample, at most
+        return max(1, min(self.samples, MAX_ITERATIONS // iterations))
 
     def tracer(self, generated: Mapping[str, str] | None = None, *, es: bool = False) -> Text:
         """`trace_samples` and all that it needs. `generated`: texts in place of library files; `es`: for GLSL ES 3.00,
@@ -76,24 +78,10 @@ class Job:
                  f"(scene {self.scene.content_hash}).", "", *how]
         return "".join(f"{mark}{line}".rstrip() + "\n" for line in lines)
 
-    def refuse_images(self, why: str) -> None:
-        """HarnessError where the scene reads images."""
-        if images := image_names(self.scene):
-            raise HarnessError(f"scene '{self.scene.name}' reads images ({', '.join(images)}): {why}")
-
 
 def _wrapped(found: re.Match[str]) -> str:
     whole = int(found["octave"]) * _NOISE_OCTAVE if found["octave"] else _NOISE_X + _NOISE_Y
     return f"0x{whole % 2**32:08x}u"
-
-
-def image_names(scene: Scene) -> list[str]:
-    """The file names of a scene's images, in the order of their samplers; an environment map comes last."""
-    from harness.scene.model import EnvironmentMap
-    from harness.shader.scene.bitmaps import images
-
-    names = [image.path.name for image in images(scene.shapes)]
-    return [*names, scene.environment.path.name] if isinstance(scene.environment, EnvironmentMap) else names
 
 
 def fitted(width: int, height: int) -> str:

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from harness.shader.exports.base import Job, fitted, shown
+from harness.shader.exports.images import images_of, loaded, with_lookups
+from harness.shader.scene.literals import in_comment
 
 HOST = "glslviewer"
 VERSION = "#version 420"  # it must be the file's first characters
 
 
 def export(job: Job) -> dict[str, str]:
-    """`NAME.frag`. HarnessError for a scene with images."""
-    job.refuse_images("export to glsl, and bind them as its comments say")
+    """`NAME.frag`; a scene's images are named on glslViewer's command line."""
     width, height = job.scene.width, job.scene.height
     name = f"{job.name}.frag"
-    parts = [
-        f"{VERSION}\n{job.head(f'glslViewer {name} -w {width} -h {height}')}",
-        job.tracer().written(), fitted(width, height), job.encode(), _mains(job)]
+    images = images_of(job.scene)
+    command = " ".join([f"glslViewer {name} -w {width} -h {height}",
+                        *(f"-{image.sampler} {image.file}" for image in images)])
+    how = [in_comment(command)]
+    if any(image.file.lower().endswith(".exr") for image in images):
+        how.append("glslViewer reads no .exr: save such an image as Radiance .hdr, and name that.")
+    lookups, tracer = with_lookups(job.tracer(), images, lambda _, image: loaded(image, image.sampler))
+    samplers = "".join(f"uniform sampler2D {image.sampler};  // {in_comment(image.file)}, as it is\n"
+                       for image in images)
+    parts = [f"{VERSION}\n{job.head(*how)}", *([samplers, lookups] if images else []), tracer.written(),
+             fitted(width, height), job.encode(), _mains(job)]
     return {name: "\n".join(parts)}
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from harness.scene.model import Scene, is_black
 from harness.shader.exports.base import Job
-from harness.shader.exports.images import Image, fetch, images_of, with_lookups
+from harness.shader.exports.images import Image, images_of, loaded, with_lookups
 from harness.shader.exports.readable import Text, item
 
 HOST = "gratin"
@@ -71,15 +71,15 @@ class GratinNode:
 def export(job: Job) -> dict[str, str]:
     """`NAME.gra`."""
     images = images_of(job.scene)
-    lookups, tracer = with_lookups(job.tracer(), images, fetch)
+    lookups, tracer = with_lookups(job.tracer(), images, lambda index, image: loaded(image, _input(index)))
     tracer, parameters = _with_parameters(tracer, job.scene)
     size = job.scene.width, job.scene.height
     nodes = [
-        GratinNode("pingPongGenericId", "pathTracer", tuple(image.sampler for image in images), tuple(parameters),
+        GratinNode("pingPongGenericId", "pathTracer", tuple(map(_input, range(len(images)))), tuple(parameters),
                    _tracer_body(job, images, lookups, tracer), size, PASSES, 0),
         GratinNode("imgGenericId", "display", ("inBuffer0",),
-                   (Parameter("exposure", job.exposure, -MAX_EXPOSURE, MAX_EXPOSURE, SPIN),), _display_body(job), size, 0,
-                   300),
+                   (Parameter("exposure", job.exposure, -MAX_EXPOSURE, MAX_EXPOSURE, SPIN),), _display_body(job), size,
+                   0, 300),
     ]
     root = _pipeline(nodes)
     ElementTree.indent(root, "")
@@ -91,7 +91,7 @@ def _tracer_body(job: Job, images: Sequence[Image], lookups: str, tracer: Text) 
     how = ["Open the file in Gratin. This node draws passes and sums them; the node 'display' shows the mean."]
     if images:
         how.append("Its inputs wait for nodes that load an image: "
-                   + ", ".join(f"{image.sampler} for {image.file}" for image in images) + ".")
+                   + ", ".join(f"{_input(index)} for {image.file}" for index, image in enumerate(images)) + ".")
     main = f"""// ==== the pass {"=" * 100}
 
 in vec2 texcoord;
@@ -107,6 +107,11 @@ void main()
 }}
 """
     return "\n".join([job.head(*how), *([lookups] if lookups else []), tracer.written(), main])
+
+
+def _input(index: int) -> str:
+    """Gratin's own name of a node's input."""
+    return f"inBuffer{index}"
 
 
 def _display_body(job: Job) -> str:

@@ -17,7 +17,7 @@ from harness.scene.model import EnvironmentMap, Scene
 from harness.shader.exports.readable import Text, item
 from harness.shader.scene.bitmaps import FILTERS, images
 from harness.shader.scene.environment import SAMPLER
-from harness.shader.scene.literals import in_comment
+from harness.shader.scene.literals import in_comment, vector
 
 # Image formats of floating-point numbers, which are linear; all others are encoded as sRGB.
 LINEAR = (".exr", ".hdr", ".pfm", ".rgbe")
@@ -44,6 +44,16 @@ class Image:
     texels: Callable[[], np.ndarray]
 
 
+@dataclass(frozen=True)
+class Stored:
+    """How a host has an image, in GLSL: expressions for its `size` (an ivec2), and for the linear colour of the `texel`
+    at `at` (an ivec2 within `size`, row 0 the first of the file). `declared`: what must stand before."""
+
+    size: str
+    texel: str
+    declared: str = ""
+
+
 def images_of(scene: Scene) -> list[Image]:
     """The images that a scene's shader reads, by sampler; an environment map comes last."""
     found = [Image(f"bitmap{index}", bitmap.path.name, not bitmap.raw and bitmap.path.suffix.lower() not in LINEAR,
@@ -57,27 +67,36 @@ def images_of(scene: Scene) -> list[Image]:
     return found
 
 
-def with_lookups(tracer: Text, found: Sequence[Image], texel: Callable[[Image], Sequence[str]]) -> tuple[str, Text]:
-    """GLSL that looks images up without their sampler's filter and wrap, and the tracer that calls it.
+def with_lookups(tracer: Text, found: Sequence[Image], stored: Callable[[int, Image], Stored]) -> tuple[str, Text]:
+    """GLSL that looks images up without a sampler's filter and wrap, and the tracer that calls it.
 
-    `texel`: statements that return the linear colour of texel `at` (an ivec2 within the image of `size`; row 0 is the
-    first of the file).
+    `stored`: how the host has an image, by its index.
     """
     if not found:
         return "", tracer
-    lookups = [_DECODE] if any(image.encoded for image in found) else []
-    for image in found:
-        lookups += [_lookup(image, texel(image))]
+    held = [stored(index, image) for index, image in enumerate(found)]
+    lookups = [_DECODE] if any("decode_srgb" in one.texel for one in held) else []
+    lookups += [_lookup(image, one) for image, one in zip(found, held, strict=True)]
     samplers = {image.sampler for image in found}
     changed = [item(one.file, _calling(one.code), _calling(one.comment)) for one in tracer.items
                if not one.names & samplers and "bitmap" not in one.names]
     return "\n".join(lookups), Text(tracer.about, tuple(changed))
 
 
-def fetch(image: Image) -> list[str]:
-    """Statements for `with_lookups` in a host that has loaded the file as it is, last row first."""
-    read = f"texelFetch({image.sampler}, ivec2(at.x, size.y - 1 - at.y), 0).rgb"
-    return [f"return {f'decode_srgb({read})' if image.encoded else read};"]
+def loaded(image: Image, sampler: str) -> Stored:
+    """The image in a host that has loaded the file as it is, last row first, into a sampler that it has declared."""
+    read = f"texelFetch({sampler}, ivec2(at.x, size.y - 1 - at.y), 0).rgb"
+    return Stored(f"textureSize({sampler}, 0)", f"decode_srgb({read})" if image.encoded else read)
+
+
+def written(image: Image) -> Stored:
+    """The image's colours in the shader's own text, a row of it a line."""
+    texels = image.texels()
+    height, width = texels.shape[:2]
+    name = f"COLORS_OF_{image.sampler.upper()}"
+    rows = ",\n".join("    " + ", ".join(vector(color) for color in row) for row in texels)
+    return Stored(f"ivec2({width}, {height})", f"{name}[at.x + size.x * at.y]",
+                  f"const vec3 {name}[{width * height}] = vec3[{width * height}](\n{rows});\n\n")
 
 
 def _calling(code: str) -> str:
@@ -88,20 +107,19 @@ def _calling(code: str) -> str:
     return re.sub(r"textureLod\(image, (.+), 0\.0\)\.rgb", rf"look_up_{SAMPLER}(\1)", code)
 
 
-def _lookup(image: Image, texel: Sequence[str]) -> str:
-    wraps = "".join(
-        f"    at.{axis} = {f'at.{axis} - size.{axis} * int(floor(float(at.{axis}) / float(size.{axis})))' if repeats else f'clamp(at.{axis}, 0, size.{axis} - 1)'};\n"
-        for axis, repeats in zip("xy", image.repeats, strict=True))
-    body = "".join(f"    {line}\n" for line in texel)
+def _lookup(image: Image, stored: Stored) -> str:
     name = image.sampler
+    wraps = "".join(f"    at.{axis} = {_wrapped(axis, repeats)};\n"
+                    for axis, repeats in zip("xy", image.repeats, strict=True))
     start = f"""// {in_comment(image.file)}: texel `at`, columns from the left, rows from the top.
-vec3 texel_of_{name}(ivec2 at, ivec2 size)
+{stored.declared}vec3 texel_of_{name}(ivec2 at, ivec2 size)
 {{
-{wraps}{body}}}
+{wraps}    return {stored.texel};
+}}
 
 vec3 look_up_{name}(vec2 at)
 {{
-    ivec2 size = textureSize({name}, 0);
+    ivec2 size = {stored.size};
 """
     if image.nearest:
         return f"{start}    return texel_of_{name}(ivec2(floor(at * vec2(size))), size);\n}}\n"
@@ -113,3 +131,10 @@ vec3 look_up_{name}(vec2 at)
     return mix(upper, lower, part.y);
 }}
 """
+
+
+def _wrapped(axis: str, repeats: bool) -> str:
+    """A texel's index within an axis."""
+    if repeats:
+        return f"at.{axis} - size.{axis} * int(floor(float(at.{axis}) / float(size.{axis})))"
+    return f"clamp(at.{axis}, 0, size.{axis} - 1)"

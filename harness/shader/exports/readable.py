@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from harness.shader.exports.preprocess import Line, resolve
+from harness.shader.exports.chosen import Line, chosen
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _WORD = re.compile(r"[A-Za-z_]\w*")
@@ -79,7 +79,7 @@ def split(text: str) -> Text:
     """An assembled shader (harness/shader/source.py) in pieces, its conditionals decided."""
     about: dict[str, str] = {}
     items: list[Item] = []
-    for comment, block in _blocks(resolve(text)):
+    for comment, block in _blocks(chosen(text)):
         file = block[0].file if block else comment[0].file
         said = "\n".join(line.text for line in comment)
         if not block:

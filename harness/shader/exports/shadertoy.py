@@ -4,21 +4,36 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
+
+from harness.errors import HarnessError
 from harness.shader.exports.base import Job, fitted, shown
+from harness.shader.exports.images import images_of, with_lookups, written
 
 HOST = "shadertoy"
 # Shadertoy's own id of Buffer A's output.
 BUFFER_A = 257
+# Texels that a scene's images may have in all: 192 compile at once on llvmpipe, but wgpu's translator takes minutes.
+MOST_TEXELS = 256
 
 
 def export(job: Job) -> dict[str, str]:
-    """The tabs, and `NAME.json`. HarnessError for a scene with images, which no channel of Shadertoy takes."""
-    job.refuse_images("Shadertoy takes no images of one's own; export to webgl, gratin, glslviewer or glsl")
-    common = "\n".join([
-        job.head("On shadertoy.com: this text is the tab Common; buffer_a.glsl that of Buffer A, whose iChannel0 is Buffer A "
-                 "itself;", "and image.glsl that of Image, whose iChannel0 is Buffer A too. The picture grows from frame to "
-                 "frame; the button", "that rewinds begins anew, as after a change of size."),
-        job.tracer(es=True).written(), fitted(job.scene.width, job.scene.height), job.encode()])
+    """The tabs, and `NAME.json`. HarnessError for a scene with images that are too large to be written as constants:
+    no channel of Shadertoy takes an image of one's own."""
+    images = images_of(job.scene)
+    texels = sum(int(np.prod(image.texels().shape[:2])) for image in images)
+    if texels > MOST_TEXELS:
+        names = ", ".join(image.file for image in images)
+        raise HarnessError(f"scene '{job.scene.name}' reads images ({names}) of {texels} texels; Shadertoy takes no images "
+                           f"of one's own, and at most {MOST_TEXELS} texels are written as constants: scale the images "
+                           "down, or export to webgl, gratin, glslviewer or glsl")
+    lookups, tracer = with_lookups(job.tracer(es=True), images, lambda _, image: written(image))
+    head = job.head(
+        "On shadertoy.com: this text is the tab Common; buffer_a.glsl that of Buffer A, whose iChannel0 is Buffer A itself;",
+        "and image.glsl that of Image, whose iChannel0 is Buffer A too. The picture grows from frame to frame; the button",
+        "that rewinds begins anew, as after a change of size.")
+    common = "\n".join([head, *([lookups] if images else []), tracer.written(),
+                        fitted(job.scene.width, job.scene.height), job.encode()])
     buffer_a = _buffer(job)
     image = _image(job)
     tabs = {"common.glsl": common, "buffer_a.glsl": buffer_a, "image.glsl": image}

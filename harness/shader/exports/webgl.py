@@ -25,7 +25,8 @@ class _Page(Template):
 def export(job: Job) -> dict[str, str]:
     """`NAME.html`; a scene's images are in it."""
     page = _Page(resources.files("harness.shader.exports").joinpath("page.html").read_text(encoding="utf-8"))
-    head = job.head("Open this file in a browser with WebGL 2 and float render targets (EXT_color_buffer_float).", mark="")
+    head = job.head("Open this file in a browser with WebGL 2 and float render targets (EXT_color_buffer_float).",
+                    mark="")
     return {f"{job.name}.html": page.substitute(
         head=head.replace("--", "- -").rstrip(), title=html.escape(f"{job.scene.name}, {job.strategy}"),
         width=job.scene.width, height=job.scene.height, exposure=f"{job.exposure:g}", samples=job.frame_samples,
