@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -43,18 +44,19 @@ Uniforms = Callable[[int], Mapping[str, Any]]
 
 
 def accumulate(fragment: str, size: tuple[int, int], frames: int, previous: str, uniforms: Uniforms,
-               scene: Scene | None = None, images: Sequence[tuple[str, Image]] = ()) -> np.ndarray:
+               scene: Scene | None = None, images: Sequence[tuple[str, Image]] = (),
+               start: np.ndarray | None = None) -> np.ndarray:
     """What `frames` frames leave, (H, W, 4) float32, row 0 at the top; `previous` samples the last one. The images of
     `scene` are bound as the harness does; `images`, by their sampler, as a host does that knows nothing of them: as the
-    file is, last row first, without a filter."""
+    file is, last row first, without a filter. `start`, (H, W, 4): what the first frame finds, anything if not given."""
     gl = context()
     version = re.match(r"#version (.*)", fragment)
     assert version, "a shader begins with its version"
     desktop = "420 core" if "es" not in version[1] else version[1]
     program = gl.program(vertex_shader=_VERTEX.format(version=desktop), fragment_shader=fragment)
     triangle = gl.vertex_array(program, [])
-    rng = np.random.default_rng(1)  # of what the first frame may find: anything, as in Gratin
-    stale = rng.uniform(1, 9, (size[1], size[0], 4)).astype(np.float32).tobytes()
+    stale = np.random.default_rng(1).uniform(1, 9, (size[1], size[0], 4)) if start is None else start[::-1]
+    stale = stale.astype(np.float32).tobytes()
     textures = [gl.texture(size, 4, stale, dtype="f4") for _ in range(2)]
     framebuffers = [gl.framebuffer([texture]) for texture in textures]
     samplers = Samplers(scene) if scene else None
@@ -89,6 +91,7 @@ def _loaded(gl: moderngl.Context, image: Image) -> moderngl.Texture:
     return texture
 
 
+@functools.lru_cache(maxsize=16)
 def rendered(scene: Scene, strategy: str, samples: int) -> np.ndarray:
     """What `harness render` sums over as many samples of replica 0, (H, W, 4) float32, row 0 at the top."""
     samplers = Samplers(scene)
@@ -98,6 +101,32 @@ def rendered(scene: Scene, strategy: str, samples: int) -> np.ndarray:
     finally:
         pingpong.release()
         samplers.release()
+
+
+def displayed(host: str, files: Files, sums: np.ndarray) -> np.ndarray:
+    """What the picture of an export shows of `sums`, (H, W, 4) with row 0 at the top: (H, W, 3) float32."""
+    texts = {name: text for name, text in files.items() if isinstance(text, str)}
+    whole = next(iter(texts.values()))
+    size = sums.shape[1], sums.shape[0]
+    told: Mapping[str, Any] = {}
+    if host == "shadertoy":
+        text, sampler = SHADERTOY_HEAD + texts["common.glsl"] + texts["image.glsl"] + SHADERTOY_TAIL, "iChannel0"
+    elif host == "glslviewer":
+        text, sampler = whole, "u_doubleBuffer0"
+    elif host == "webgl":
+        found = re.search(r'<script id="display"[^>]*>(.*?)</script>', whole, re.DOTALL)
+        exposure = re.search(r'id="exposure" [^>]*value="([^"]+)"', whole)
+        assert found and exposure
+        text, sampler, told = found[1], "u_previous", {"u_exposure": float(exposure[1])}
+    elif host == "gratin":
+        graph = ElementTree.fromstring(whole)
+        head = ("#version 420\nlayout(location = 0) out vec4 outBuffer0;\nuniform sampler2D inBuffer0;\n"
+                "uniform float exposure;\n")
+        text, sampler = head + value(named(graph, "node-1"), "genericFragBody"), "inBuffer0"
+        told = {"exposure": float(value(named(graph, "nodeWidget-1", "childWidget-0"), "currentVal"))}
+    else:
+        text, sampler = next(text for name, text in texts.items() if name.endswith(".display.frag")), "pingpong0"
+    return accumulate(text, size, 1, sampler, lambda _: told, start=sums)[..., :3]
 
 
 def _gratin(pipeline: str, frames: int, scene: Scene) -> np.ndarray:
@@ -131,9 +160,9 @@ def value(data: ElementTree.Element, name: str) -> str:
     return named(data, name).attrib["val"]
 
 
-def drawn(host: str, files: Files, scene: Scene, frames: int) -> np.ndarray:
-    """What a host's own program sums of its exported `files`."""
-    size = scene.width, scene.height
+def drawn(host: str, files: Files, scene: Scene, frames: int, window: tuple[int, int] | None = None) -> np.ndarray:
+    """What a host's own program sums of its exported `files`, in a window of the film's size if none is given."""
+    size = window or (scene.width, scene.height)
     texts = {name: text for name, text in files.items() if isinstance(text, str)}
     if host == "shadertoy":
         text = SHADERTOY_HEAD + texts["common.glsl"] + texts["buffer_a.glsl"] + SHADERTOY_TAIL

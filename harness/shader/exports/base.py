@@ -32,7 +32,7 @@ CHOSEN = """\
 """
 # Sums and products of constants that wrap around: a translator to WGSL, which refuses them, is told their values.
 _WRAPPING = re.compile(r"\bNOISE_X \+ NOISE_Y\b|\b(?P<octave>\d+)u \* NOISE_OCTAVE\b")
-_NOISE_X, _NOISE_Y, _NOISE_OCTAVE = 0x85EBCA77, 0xC2B2AE3D, 0x9E3779B9  # glsl/lib/noise.glsl
+NOISE_X, NOISE_Y, NOISE_OCTAVE = 0x85EBCA77, 0xC2B2AE3D, 0x9E3779B9  # glsl/lib/noise.glsl
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Job:
 
 
 def _wrapped(found: re.Match[str]) -> str:
-    whole = int(found["octave"]) * _NOISE_OCTAVE if found["octave"] else _NOISE_X + _NOISE_Y
+    whole = int(found["octave"]) * NOISE_OCTAVE if found["octave"] else NOISE_X + NOISE_Y
     return f"0x{whole % 2**32:08x}u"
 
 

@@ -24,14 +24,14 @@ def export(job: Job) -> dict[str, str]:
     texels = sum(int(np.prod(image.texels().shape[:2])) for image in images)
     if texels > MOST_TEXELS:
         names = ", ".join(image.file for image in images)
-        raise HarnessError(f"scene '{job.scene.name}' reads images ({names}) of {texels} texels; Shadertoy takes no images "
-                           f"of one's own, and at most {MOST_TEXELS} texels are written as constants: scale the images "
-                           "down, or export to webgl, gratin, glslviewer or glsl")
+        raise HarnessError(f"scene '{job.scene.name}' reads images ({names}) of {texels} texels; Shadertoy takes no "
+                           f"images of one's own, and at most {MOST_TEXELS} texels are written as constants: scale the "
+                           "images down, or export to webgl, gratin, glslviewer or glsl")
     lookups, tracer = with_lookups(job.tracer(es=True), images, lambda _, image: written(image))
     head = job.head(
-        "On shadertoy.com: this text is the tab Common; buffer_a.glsl that of Buffer A, whose iChannel0 is Buffer A itself;",
-        "and image.glsl that of Image, whose iChannel0 is Buffer A too. The picture grows from frame to frame; the button",
-        "that rewinds begins anew, as after a change of size.")
+        "On shadertoy.com: this text is the tab Common; buffer_a.glsl that of Buffer A, whose iChannel0 is Buffer A",
+        "itself; and image.glsl that of Image, whose iChannel0 is Buffer A too. The picture grows from frame to frame;",
+        "the button that rewinds begins anew, and is to be pressed after a change of size.")
     common = "\n".join([head, *([lookups] if images else []), tracer.written(),
                         fitted(job.scene.width, job.scene.height), job.encode()])
     buffer_a = _buffer(job)
@@ -69,7 +69,7 @@ void mainImage(out vec4 color, in vec2 coord)
 def _json(job: Job, common: str, buffer_a: str, image: str) -> str:
     reads = [{"id": BUFFER_A, "src": "/media/previz/buffer00.png", "ctype": "buffer", "channel": 0, "published": 1,
               "sampler": {"filter": "nearest", "wrap": "clamp", "vflip": "true", "srgb": "false", "internal": "byte"}}]
-    passes = [
+    passes: list[dict[str, object]] = [
         {"type": "image", "name": "Image", "code": image, "inputs": reads, "outputs": [{"id": 37, "channel": 0}]},
         {"type": "buffer", "name": "Buffer A", "code": buffer_a, "inputs": reads,
          "outputs": [{"id": BUFFER_A, "channel": 0}]},
