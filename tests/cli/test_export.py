@@ -51,7 +51,7 @@ def test_a_default_parameter_can_be_set(harness: Harness, sky: Path, here: Path)
 
 
 @pytest.mark.parametrize(("scene", "options", "message"), [
-    ("spheres.xml", ("--host", "quake"), "unknown host 'quake'; choose from gratin, shadertoy, glslviewer, webgl, glsl"),
+    ("spheres.xml", ("--host", "quake"), "unknown host 'quake'; choose from gratin, shadertoy, glslviewer, webgl"),
     ("spheres.xml", ("--host", "webgl", "-s", "best"), "unknown strategy 'best'"),
     ("textures.xml", ("--host", "shadertoy"), "Shadertoy takes no images of one's own"),
     ("spheres.xml", (), "Missing option '--host'"),

@@ -48,9 +48,9 @@ def test_shadertoy_agrees_in_wgpu(tmp_path: Path, name: str) -> None:
     json = tmp_path / "toy.json"
     json.write_text(str(files[f"{name}.json"]))
     python = os.environ.get("HARNESS_WGPU_PYTHON", sys.executable)  # one that has the extra `shadertoy`
-    done = subprocess.run([python, ROOT / "tests/foreign/toy.py", json, *map(str, SIZE), str(FRAMES), tmp_path / "out.npy"],
-                          env={**os.environ, "WGPU_FORCE_OFFSCREEN": "true"}, capture_output=True, text=True,
-                          timeout=SECONDS, check=False)
+    toy = ROOT / "tests/foreign/toy.py"
+    done = subprocess.run([python, toy, json, *map(str, SIZE), str(FRAMES), tmp_path / "out.npy"], capture_output=True,
+                          text=True, timeout=SECONDS, env={**os.environ, "WGPU_FORCE_OFFSCREEN": "true"}, check=False)
     assert done.returncode == 0, done.stderr
     found, expected = np.load(tmp_path / "out.npy"), rendered(scene, "mixture", FRAMES * SAMPLES)
     np.testing.assert_array_equal(found[..., 3], expected[..., 3])
@@ -67,8 +67,9 @@ def test_a_page_agrees_in_chromium(tmp_path: Path, name: str) -> None:
     browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     assert browser, "Chromium is missing; type: apt-get install -y chromium"
     done = subprocess.run(
-        [browser, "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", f"--user-data-dir={tmp_path / 'profile'}",
-         "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--dump-dom", path.as_uri()],
+        [browser, "--headless=new", "--no-sandbox", "--disable-dev-shm-usage",
+         f"--user-data-dir={tmp_path / 'profile'}", "--use-gl=angle", "--use-angle=swiftshader",
+         "--enable-unsafe-swiftshader", "--dump-dom", path.as_uri()],
         capture_output=True, text=True, timeout=SECONDS, check=False)
     result = re.search(r'<pre id="result">([^<]+)</pre>', done.stdout)
     assert result, re.findall(r'<span id="status">([^<]*)', done.stdout) or done.stderr

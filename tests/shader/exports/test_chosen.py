@@ -12,8 +12,8 @@ def texts(*lines: str) -> list[str]:
 
 
 def test_the_branch_that_is_taken_stays() -> None:
-    found = texts("#define HAS_LENS 0", "#define STRATEGY 4", "#if HAS_LENS || STRATEGY == 3", "a;", "#elif STRATEGY == 4",
-                  "b;  // kept with its comment", "#else", "c;", "#endif")
+    found = texts("#define HAS_LENS 0", "#define STRATEGY 4", "#if HAS_LENS || STRATEGY == 3", "a;",
+                  "#elif STRATEGY == 4", "b;  // kept with its comment", "#else", "c;", "#endif")
     assert found == ["#define HAS_LENS 0", "#define STRATEGY 4", "b;  // kept with its comment"]
 
 

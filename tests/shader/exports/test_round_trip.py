@@ -123,7 +123,7 @@ def test_stale_pasts_would_show() -> None:
 
 def test_unknown_hosts_and_strategies_are_refused() -> None:
     scene = scene_of("cylinders")
-    with pytest.raises(HarnessError, match="unknown host 'quake'; choose from gratin, shadertoy, glslviewer, webgl, glsl"):
+    with pytest.raises(HarnessError, match="unknown host 'quake'; choose from gratin, shadertoy, glslviewer, webgl"):
         export(scene, "mixture", "quake")
     with pytest.raises(HarnessError, match="unknown strategy 'best'"):
         export(scene, "best", "webgl")
