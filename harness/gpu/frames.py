@@ -203,7 +203,7 @@ class _Program:
             raise ShaderError(f"{file}: cannot be handed to the compiler: {' '.join(str(error).split())[:200]}; "
                               "write it in ASCII, and include by \"NAME\"") from None
         members: dict[str, Any] = {name: self._program[name] for name in self._program}
-        self.uniforms = {re.split(r"[.\[]", name)[0] if member.array_length > 1 else name: member
+        self.uniforms: dict[str, Any] = {re.split(r"[.\[]", name)[0] if member.array_length > 1 else name: member
                          for name, member in members.items() if isinstance(member, moderngl.Uniform)}
         self.samplers = {name: _SAMPLERS[member.gl_type] for name, member in self.uniforms.items()
                          if member.gl_type in _SAMPLERS}
@@ -244,7 +244,7 @@ class _Program:
         for name, member in members.items():
             if isinstance(member, moderngl.StorageBlock | moderngl.UniformBlock):
                 what = "a storage buffer" if isinstance(member, moderngl.StorageBlock) else "a uniform block"
-            elif isinstance(member, moderngl.Uniform) and member.gl_type in _IMAGES:
+            elif name in self.uniforms and self.uniforms[name].gl_type in _IMAGES:
                 what = "an image that it writes to"
             else:
                 continue

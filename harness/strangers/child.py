@@ -39,7 +39,7 @@ class Child:
 
     def begin(self) -> dict[str, Any]:
         """The device; makes the context, and bounds what may be had from now on."""
-        facts: dict[str, Any] = {**describe_gl(), "iterations": iterations_limit()}
+        facts: dict[str, Any] = {**describe_gl(), "clock": device().clock, "iterations": iterations_limit()}
         limit_memory(self._memory)
         return facts
 
@@ -72,10 +72,10 @@ class Child:
     def singles(self, law: str, to: str, stack: str, numbers: list[int], options: dict[str, Any]) -> dict[str, Any]:
         """See `single.draw_singles`."""
         found = draw_singles(self.frames, pickle.loads(Path(law).read_bytes()), numbers, keep=bool(stack), **options)
-        np.save(to, found.sum)
+        np.save(to, np.concatenate([found.sum, found.counted[..., None]], axis=-1))
         if found.stack is not None:
             np.save(stack, found.stack)
-        return {"rejected": found.rejected}
+        return {}
 
     def loop(self, frames: int, first: int | None, to: str) -> dict[str, Any]:
         np.save(to, loop(self.frames, frames, first=first))
@@ -115,7 +115,7 @@ def serve(orders: IO[bytes], answers: IO[bytes], child: Child) -> None:
         order = json.loads(line)
         limit_processor(order.pop("seconds"))
         do: Callable[..., dict[str, Any]] = getattr(child, order.pop("do"))
-        began = time.perf_counter()
+        began, busy = time.perf_counter(), time.process_time()
         try:
             answer = do(**order)
         except HarnessError as error:
@@ -125,7 +125,8 @@ def serve(orders: IO[bytes], answers: IO[bytes], child: Child) -> None:
         except Exception as error:
             # A driver's or moderngl's own: whatever it was, the stranger's shader brought it about.
             answer = {"error": f"{type(error).__name__}: {' '.join(str(error).split())[:300]}", "kind": "driver"}
-        answers.write(json.dumps({**answer, "took": time.perf_counter() - began}).encode() + b"\n")
+        spent = {"took": time.perf_counter() - began, "cpu": time.process_time() - busy}
+        answers.write(json.dumps({**answer, **spent}).encode() + b"\n")
         answers.flush()
 
 

@@ -44,13 +44,15 @@ class Limits:
     """What a stranger may take.
 
     `first`: seconds for compiling and for its first frame, in which drivers compile too. Later frames may take `factor`
-    times as long as the slowest before, and `least` seconds in any case. `memory`: bytes beyond what the driver takes.
-    `threads`: by how much the processor's seconds may exceed the clock's.
+    times as long as the slowest before, and `least` seconds in any case. They are those of the processor, times
+    `threads`; by the clock `patience` times as many pass on a machine that is busy. `memory`: bytes beyond what the
+    driver takes.
     """
 
     first: float = 60.0
     factor: float = 20.0
     least: float = 10.0
+    patience: float = 4.0
     memory: int = 4 << 30
     threads: int = os.cpu_count() or 1
 
@@ -75,6 +77,7 @@ class Process:
         self._contract: Contract | None = None
         self._size = (0, 0)
         self._slowest = 0.0  # seconds of a frame
+        self.spent = 0.0  # of the processor, in the child, by all orders so far
         self._pending = b""
 
     def __enter__(self) -> Process:
@@ -127,11 +130,12 @@ class Process:
                 seconds: float | None = None, count: int | None = None) -> Singles:
         """`single.draw_singles`, in the child."""
         width, height = self._size
-        answer = self._timed(len(numbers), "singles", law=self._keep("law.pickle", law), numbers=list(numbers),
-                             to=self._path("sum.npy"), stack=self._path("stack.npy") if keep else "",
-                             options={"encoding": encoding, "seconds": seconds, "count": count})
+        self._timed(len(numbers), "singles", law=self._keep("law.pickle", law), numbers=list(numbers),
+                    to=self._path("sum.npy"), stack=self._path("stack.npy") if keep else "",
+                    options={"encoding": encoding, "seconds": seconds, "count": count})
         stack = self._load("stack.npy", (len(numbers), height, width, 3)) if keep else None
-        return Singles(self._load("sum.npy", (height, width, 3)), len(numbers), int(answer["rejected"]), stack)
+        total = self._load("sum.npy", (height, width, 4))
+        return Singles(total[..., :3], total[..., 3], len(numbers), stack)
 
     def loop(self, frames: int, first: int | None = None) -> np.ndarray:
         """`single.loop`, in the child: what the author's own loop leaves, (H, W, 4)."""
@@ -177,6 +181,7 @@ class Process:
             self._timed(1, "frame", moment=[self.contract.first_frame, 0, 0.0, 0])
         allowed = drawn * self.limits.factor * self._slowest if self._slowest else self.limits.first
         answer = self._ask(do, max(allowed, self.limits.least) if self._slowest else allowed, **arguments)
+        self.spent += answer["cpu"]
         self._slowest = max(self._slowest, answer["took"] / drawn)
         return answer
 
@@ -204,7 +209,7 @@ class Process:
         try:
             child.stdin.write(json.dumps(order).encode() + b"\n")
             child.stdin.flush()
-            line = self._line(child.stdout.fileno(), seconds)
+            line = self._line(child.stdout.fileno(), seconds * self.limits.patience)
         except BrokenPipeError:
             line = b""
         except BaseException:  # Ctrl-C: the child has a session of its own, and would go on

@@ -31,13 +31,24 @@ class FrameSource(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Singles:
-    """Samples of single frames: their `sum`, (H, W, 3) float64, of those that were finite; how many values of the image
-    were `rejected` because they were not; and, where asked for, all of them, (F, H, W, 3) float32. Rows as GL's."""
+    """Samples of single frames: their `sum`, (H, W, 3) float64, of those that were finite, of which each pixel
+    `counted` so many, (H, W); and, where asked for, all of them, (F, H, W, 3) float32. Rows as GL's."""
 
     sum: np.ndarray
+    counted: np.ndarray
     frames: int
-    rejected: int
     stack: np.ndarray | None = None
+
+    @property
+    def rejected(self) -> int:
+        """Samples over the whole image that were not finite."""
+        return self.frames * self.counted.size - int(self.counted.sum())
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Of those that were finite, (H, W, 3); 0 where none was."""
+        counted = self.counted[..., None]
+        return np.divide(self.sum, counted, out=np.zeros_like(self.sum), where=counted > 0)
 
 
 def decoded(pixels: np.ndarray, encoding: Encoding) -> np.ndarray:
@@ -101,7 +112,8 @@ def draw_singles(source: FrameSource, law: Law, numbers: Sequence[int], *, encod
     name, first = source.contract.radiance, source.contract.first_frame
     width, height = source.size
     total = np.zeros((height, width, 3))
-    stack, rejected = [], 0
+    counted = np.zeros((height, width))
+    stack = []
     for number in numbers:
         n = max(number - first, 0) if count is None else count
         moment = Moment.of(number, n)
@@ -110,13 +122,13 @@ def draw_singles(source: FrameSource, law: Law, numbers: Sequence[int], *, encod
         with np.errstate(invalid="ignore", over="ignore"):
             found = decoded(sample(source.read(name), law, n), encoding)
         finite = np.isfinite(found).all(axis=-1)
-        rejected += int((~finite).sum())
+        counted += finite
         if keep:
             stack.append(found.astype(np.float32))
         total += np.where(finite[..., None], found, 0.0)
         if tell:
             tell(1)
-    return Singles(total, len(numbers), rejected, np.stack(stack) if stack else None)
+    return Singles(total, counted, len(numbers), np.stack(stack) if stack else None)
 
 
 def loop(source: FrameSource, frames: int, *, first: int | None = None) -> np.ndarray:

@@ -31,8 +31,8 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
     summing = [file for file in files if re.search(r"\bpingpong\d\b", file.bare)]
     others = [file for file in files if file not in summing]
     if len(summing) > 1:
-        raise ShaderError(f"{summing[1].name}:1: a second body that reads pingpong0, the first is {summing[0].name}; name "
-                          "one, or the pipeline (.gra) that holds both")
+        raise ShaderError(f"{summing[1].name}:1: a second body that reads pingpong0, the first is {summing[0].name}; "
+                          "name one, or the pipeline (.gra) that holds both")
     first, *shows = [*summing, *others]
     source = joined([first.piece], GRATIN.macros)
     passes = [make_pass(first.path.stem, source, gratin_frame(source, answers.values), answers)]

@@ -43,7 +43,7 @@ def contract_of(pieces: Sequence[Piece], host: str, otherwise: Language, answers
     if entry(source, found) != "main":
         raise ShaderError(f"{fragment.name}:1: mainImage() without main(); say --host shadertoy")
     frame = Frame(language, zero=language.es, vertex=vertex, lines=_three(found, language))
-    made = make_pass(fragment.name, source, frame, answers)
+    made = make_pass("main", source, frame, answers)
     asks = any(role in ("resolution", "width", "height", "aspect") for _, role in made.roles)
     size = None if asks or "textureSize" in found.names else written_size(source.text)
     if size:
@@ -63,8 +63,8 @@ def chosen(pieces: Sequence[Piece], answers: Answers) -> tuple[Piece, Piece | No
     best = max(fragments, key=lambda piece: (bool(_FEEDBACK.search(piece.text)), len(piece.text.split())))
     for piece in fragments:
         if piece is not best:
-            answers.note(f"{piece.name}:{_line(piece)}: another fragment shader, which is left out; name the one to be judged "
-                         f"alone if it is not that of line {_line(best)}")
+            answers.note(f"{piece.name}:{_line(piece)}: another fragment shader, which is left out; name the one to be "
+                         f"judged alone if it is not that of line {_line(best)}")
     wanted = set(re.findall(r"\b(?:varying|in)\s+(?:\w+\s+)?\w+\s+(\w+)\s*;", best.text))
     vertices = [piece for piece in mains if _POSITION.search(piece.text)
                 and wanted <= set(re.findall(r"\w+", piece.text))]

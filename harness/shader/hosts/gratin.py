@@ -68,7 +68,7 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
     nodes = _nodes(file)
     drawn = _in_order([node for node in nodes if node.kind in _SHADERS], file)
     if not drawn:
-        raise ShaderError(f"{file.name}:1: no node that holds a shader; add a 'genericPingPong' node with the path tracer")
+        raise ShaderError(f"{file.name}:1: no node that holds a shader; put a path tracer into a ping-pong node")
     fed = {source for node in drawn for source in node.inputs.values()}
     names = _names(drawn)
     passes = []
@@ -92,8 +92,8 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
         passes.append(make_pass(names[node.index], source, frame, answers))
         width, height = _pair(node.data, "genericTOffset")
         if sums and width > 1 and height > 1:
-            answers.note(f"{piece.name}: Gratin draws it at {width} x {height}, {node.value('pingPongNumber', '1')} passes at "
-                         "a time")
+            answers.note(f"{piece.name}: Gratin draws it at {width} x {height}, {node.value('pingPongNumber', '1')} "
+                         "passes at a time")
     has_value = set(answers.kept)
     answers.unknown = [uniform for uniform in answers.unknown if uniform.name not in has_value]
     bodies = "\n".join(text for one in passes for _, text in one.source.files)
@@ -175,8 +175,8 @@ def _in_order(drawn: Sequence[Node], file: Given) -> list[Node]:
     while left:
         ready = [node for node in left if not any(other.index in node.inputs.values() for other in left)]
         if not ready:
-            raise ShaderError(f"{file.name}:1: the nodes {', '.join(repr(node.name) for node in left)} feed each other in a "
-                              "circle; only a ping-pong node may read its own past")
+            raise ShaderError(f"{file.name}:1: the nodes {', '.join(repr(node.name) for node in left)} feed each other "
+                              "in a circle; only a ping-pong node may read its own past")
         result += ready
         left = [node for node in left if node not in ready]
     return result
@@ -201,8 +201,8 @@ def _inputs(node: Node, nodes: Sequence[Node], names: Mapping[int, str], file: G
         elif image := _image(source):
             inputs[name] = f"file:{file.path.parent / PurePath(image)}"
         else:
-            raise ShaderError(f"{file.name}:1: '{name}' of the node '{node.name}' is fed by '{source.name}', a node of the "
-                              f"type '{source.kind}'; only images and the types {' and '.join(_SHADERS)} are known")
+            raise ShaderError(f"{file.name}:1: '{name}' of the node '{node.name}' is fed by '{source.name}', a node of "
+                              f"the type '{source.kind}'; only images and the types {' and '.join(_SHADERS)} are known")
     return inputs, frozenset(linear)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import get_args
@@ -106,7 +106,10 @@ class Frame:
 
 
 def make_pass(name: str, source: ShaderSource, frame: Frame, answers: Answers) -> ShaderPass:
-    """A pass from a joined text (harness/shader/includes.py). ShaderError, with file and line, where it cannot be drawn."""
+    """A pass from a joined text (harness/shader/includes.py).
+
+    ShaderError, with file and line, where it cannot be drawn.
+    """
     macros = {**frame.language.macros, **frame.defines}
     found = declarations(source, macros)
     head = [(kind, word) for kind, word in frame.head if word not in found.declared]
@@ -171,8 +174,8 @@ def _vertex(found: Declarations, frame: Frame, answers: Answers) -> tuple[str, l
         own = authors(frame.vertex, frame.language)
         if own is not None:
             return own.text, declarations(own, frame.language.macros, vertex=True).uniforms
-        answers.note(f"{frame.vertex.name}: its vertex shader moves a scene's triangles; a triangle over the whole image "
-                     "is drawn instead")
+        answers.note(f"{frame.vertex.name}: its vertex shader moves a scene's triangles; a triangle over the whole "
+                     "image is drawn instead")
     inputs = [varying for varying in found.varyings if found.names.get(varying.name, 0) > 1]
     said = {varying.name: answers.take(varying.name) for varying in inputs if varying.name in answers.values}
     for name, value in said.items():
@@ -186,21 +189,26 @@ def _vertex(found: Declarations, frame: Frame, answers: Answers) -> tuple[str, l
 
 def _channel(uniform: Declared, frame: Frame, answers: Answers, in_use: bool) -> Channel:
     """What a sampler reads. One of which nobody knows is black, never the pass's own past, and is asked for."""
-    said = answers.take(uniform.name)
+    said = answers.take(uniform.name) if uniform.name not in frame.channels else None
     if said is not None:
-        reads = str(said)
-        if reads not in STAND_INS and not reads.startswith(("pass:", "file:")):
-            raise ShaderError(f"{uniform.where}: --set {uniform.name}={reads}: a sampler reads {', '.join(STAND_INS)}, "
-                              "pass:NAME or file:PATH")
-        return Channel(uniform.name, reads, uniform.kind)
+        return said_channel(uniform.name, said, Channel(uniform.name, "black", uniform.kind), uniform.where)
     known = frame.channels.get(uniform.name) or (channel_of(uniform.kind, uniform.name) if frame.guess else None)
     if known is None or uniform.size:
         if in_use and (frame.guess or uniform.size):
             answers.unknown.append(uniform)
         return Channel(uniform.name, "black", uniform.kind)
-    if known.reads in STAND_INS[1:] and in_use:
+    if known.reads in STAND_INS[1:] and known.reads != "black" and in_use:
         answers.note(f"{uniform.where}: '{uniform.name}' reads a stand-in, {known.reads}")
     return known
+
+
+def said_channel(name: str, said: Answer, before: Channel, where: str) -> Channel:
+    """What somebody said that a sampler reads. ShaderError, with file and line, for what it cannot read."""
+    reads = str(said)
+    if reads not in STAND_INS and not re.match(r"(?:pass|file):.", reads):
+        raise ShaderError(f"{where}: --set {name}={reads}: a sampler reads {', '.join(STAND_INS)}, pass:NAME or "
+                          "file:PATH")
+    return replace(before, reads=reads, kind={"cube": "samplerCube", "volume": "sampler3D"}.get(reads, before.kind))
 
 
 def _role(uniform: Declared, frame: Frame, answers: Answers, in_use: bool) -> Role | None:
@@ -211,8 +219,8 @@ def _role(uniform: Declared, frame: Frame, answers: Answers, in_use: bool) -> Ro
         answers.kept[name] = _value(uniform, name, answers.take(name), part=True)
     if isinstance(said, str):
         if said not in ROLES:
-            raise ShaderError(f"{uniform.where}: --set {uniform.name}={said}: neither a value nor what a uniform is for; "
-                              f"say a number, or one of {', '.join(ROLES)}")
+            raise ShaderError(f"{uniform.where}: --set {uniform.name}={said}: neither a value nor what a uniform is "
+                              f"for; say a number, or one of {', '.join(ROLES)}")
         return next(role for role in get_args(Role) if role == said)
     if said is not None:
         answers.kept[uniform.name] = _value(uniform, uniform.name, said)

@@ -19,14 +19,14 @@ _SOURCES = (*_SCRIPTS, ".cpp", ".cc", ".cxx", ".hpp", ".h", ".c")
 _TAG = re.compile(r"<script\b(?P<attributes>[^>]*)>(?P<text>.*?)</script\s*>", re.DOTALL | re.IGNORECASE)
 _TEMPLATE = re.compile(r"`(?P<text>(?:\\.|[^`\\])*)`", re.DOTALL)
 _RAW = re.compile(r'R"(?P<mark>\w*)\((?P<text>.*?)\)(?P=mark)"', re.DOTALL)
-_STRING = re.compile(r"(?P<quote>[\"'])(?P<text>(?:\\.|(?!(?P=quote))[^\\\n])*\bvoid\s+main(?:\\.|(?!(?P=quote))[^\\\n])*)"
-                     r"(?P=quote)")
+_STRING = re.compile(r"(?P<quote>[\"'])(?P<text>(?:\\.|(?!(?P=quote))[^\\\n])*)(?P=quote)")
+_ESCAPES = {"n": "\n", "t": "\t", "r": ""}
 _SLOT = re.compile(r"\$\{\s*(?P<name>[^}]*?)\s*\}")
 _MAIN = re.compile(r"\bvoid\s+main\s*\(")
 _VERSION = re.compile(r"^[ \t]*#[ \t]*version\s+(\d+)\s*(es)?", re.MULTILINE)
 _ES_100 = re.compile(r"\bgl_FragColor\b|\bvarying\b|\btexture2D\b|\bprecision\s+\w+\s+\w+\s*;")
-_ES_300 = re.compile(r"\b(?:uint|uvec[234]|texelFetch|textureSize|floatBitsToUint|uintBitsToFloat|round|trunc|sinh|cosh|"
-                     r"inverse|transpose)\s*\(|\buint\s+\w|\buvec[234]\s+\w|\bswitch\s*\(|\d[uU]\b|<<|>>|"
+_ES_300 = re.compile(r"\b(?:uint|uvec[234]|texelFetch|textureSize|floatBitsToUint|uintBitsToFloat|round|trunc|sinh|"
+                     r"cosh|inverse|transpose)\s*\(|\buint\s+\w|\buvec[234]\s+\w|\bswitch\s*\(|\d[uU]\b|<<|>>|"
                      r"^[ \t]*(?:layout\s*\([^)]*\)\s*)?(?:in|out)\s+\w", re.MULTILINE)
 
 
@@ -78,8 +78,9 @@ def _texts(file: Given) -> Iterator[tuple[int, str]]:
         for found in _TEMPLATE.finditer(file.text):
             yield found.start("text"), found["text"]
     for found in _STRING.finditer(file.text):
-        plain = re.sub(r"\\(.)", lambda escape: {"n": "\n", "t": "\t", "r": ""}.get(escape[1], escape[1]), found["text"])
-        yield found.start("text"), plain
+        if "main" in found["text"]:
+            plain = re.sub(r"\\(.)", lambda escape: _ESCAPES.get(escape[1], escape[1]), found["text"])
+            yield found.start("text"), plain
 
 
 def _filled(file: Given, text: str, start: int) -> str:
@@ -89,8 +90,8 @@ def _filled(file: Given, text: str, start: int) -> str:
         value = re.search(rf"\b(?:const|let|var)\s+{re.escape(name)}\s*=\s*(-?[\d.]+(?:e-?\d+)?)\s*[;,\n]", file.text)
         if not value:
             line = file.text.count("\n", 0, start + slot.start()) + 1
-            raise ShaderError(f"{file.name}:{line}: only its program knows '{slot[0]}'; write its text into the shader, or "
-                              "save the whole shader as a .frag file")
+            raise ShaderError(f"{file.name}:{line}: only its program knows '{slot[0]}'; write its text into the "
+                              "shader, or save the whole shader as a .frag file")
         return value[1]
     return _SLOT.sub(fill, text)
 

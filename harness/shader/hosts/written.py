@@ -15,8 +15,8 @@ _HEIGHT = re.compile(_SIDE.format("height"), re.IGNORECASE)
 _DIVIDED = re.compile(rf"\b(?:gl_FragCoord|fragCoord)(?:\.xy)?\s*/\s*(?:{_PAIR}|{_NUMBER})", re.IGNORECASE)
 _SAMPLES = re.compile(
     r"(?:#[ \t]*define[ \t]+|\bconst\s+u?int\s+)(?:num_?|n_?|max_?)?"
-    r"(?:spp|samples?(?:_?per_?(?:pixel|frame|pass))?|samples?_?(?:count|num)|aa_?samples)(?:[ \t]*=[ \t]*|[ \t]+)(\d+)u?\b",
-    re.IGNORECASE)
+    r"(?:spp|samples?(?:_?per_?(?:pixel|frame|pass))?|samples?_?(?:count|num)|aa_?samples)"
+    r"(?:[ \t]*=[ \t]*|[ \t]+)(\d+)u?\b", re.IGNORECASE)
 _SIDES = range(16, 8193)
 
 
