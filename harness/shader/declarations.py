@@ -129,8 +129,8 @@ class _Statement:
 
     def _refuse(self, what: str) -> None:
         token = self._tokens[min(self._at, len(self._tokens) - 1)]
-        raise ShaderError(f"{place(self._source, token.start)}: {what}: only its own program knows what is in it; write "
-                          "the data into the shader as constants, or as single uniforms")
+        raise ShaderError(f"{place(self._source, token.start)}: {what}: only its own program knows what is in it; "
+                          "write the data into the shader as constants, or as single uniforms")
 
     def _text(self, ahead: int = 0) -> str:
         return self._tokens[self._at + ahead].text if self._at + ahead < len(self._tokens) else ""
@@ -192,7 +192,7 @@ class _Statement:
                 if re.match(r"[iu]?image|atomic_uint", kind):
                     self._refuse(f"an {kind}, '{name}'")
                 found.uniforms += self._members(kind, name, where, size, initialised)
-            elif storage in ("varying", "in") or (storage == "attribute" and self._vertex):
+            elif storage in ("attribute", "in") if self._vertex else storage in ("varying", "in"):
                 found.varyings.append(Varying(kind, name, where, layout, flat))
             elif storage == "out":
                 found.outputs.append((kind, name))

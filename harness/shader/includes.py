@@ -21,11 +21,15 @@ _GUARD = re.compile(r"\s*#[ \t]*(?:pragma[ \t]+once\b|ifndef[ \t]+(\w+)[^\n]*\n\
 
 @dataclass(frozen=True)
 class Piece:
-    """A text of somebody's: `name`: what messages call it; `folder`: where its includes are looked up, if anywhere."""
+    """A text of somebody's: `name`: what messages call it; `folder`: where its includes are looked up, if anywhere.
+
+    `shown`: the author's lines, which messages show, where `text` has others.
+    """
 
     name: str
     text: str
     folder: Path | None = None
+    shown: str = ""
 
 
 def joined(pieces: Sequence[Piece], defines: Mapping[str, str] | None = None) -> ShaderSource:
@@ -39,7 +43,7 @@ def joined(pieces: Sequence[Piece], defines: Mapping[str, str] | None = None) ->
     """
     join = _Join(dict(defines or {}))
     for piece in pieces:
-        join.add(piece.name, piece.text, piece.folder, piece.folder, (piece.name,))
+        join.add(piece.name, piece.text, piece.folder, piece.folder, (piece.name,), piece.shown)
     return ShaderSource("".join(join.output), tuple(join.files))
 
 
@@ -51,8 +55,9 @@ class _Join:
     taken: set[Path] = field(default_factory=set)
     size: int = 0
 
-    def add(self, name: str, text: str, folder: Path | None, root: Path | None, chain: tuple[str, ...]) -> None:
-        self.files.append((name, text))
+    def add(self, name: str, text: str, folder: Path | None, root: Path | None, chain: tuple[str, ...],
+            shown: str = "") -> None:
+        self.files.append((name, shown or text))
         self.size += len(text)
         number = len(self.files)
         if self.size > MAX_BYTES:

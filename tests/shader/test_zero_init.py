@@ -15,7 +15,7 @@ from tests.support.strangers import contract_of, drawn
     ("float a; vec3 b = vec3(1.0), c;", "float a = 0.0; vec3 b = vec3(1.0), c = vec3(0.0);"),
     ("highp mat3 m;\nivec2 i; uint u; bvec4 t;",
      "highp mat3 m = mat3(0.0);\nivec2 i = ivec2(0); uint u = 0u; bvec4 t = bvec4(false);"),
-    ("void f() { for (int i; i < 3; i++) { float x; } }", "void f() { for (int i = 0; i < 3; i++) { float x = 0.0; } }"),
+    ("void f() { for (int i; i < 3;) { float x; } }", "void f() { for (int i = 0; i < 3;) { float x = 0.0; } }"),
     ("#define R float\nR a;", "#define R float\nR a = 0.0;"),
     ("struct S { vec2 p; int n; }; S s;", "struct S { vec2 p; int n; }; S s = S(vec2(0.0), 0);"),
     ("struct S { float x; } s;", "struct S { float x; } s = S(0.0);"),

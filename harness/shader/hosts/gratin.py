@@ -15,7 +15,6 @@ from harness.errors import ShaderError
 from harness.shader.contract import Contract, Value
 from harness.shader.hosts.body import gratin_frame
 from harness.shader.hosts.reading import Answers, Dialect, Given, make_contract, make_pass
-from harness.shader.hosts.written import written_samples
 from harness.shader.includes import Piece, joined
 from harness.shader.language import GRATIN
 
@@ -85,8 +84,9 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
         values = {name: value for name, value in answers.values.items() if name not in known}
         for parameter in node.parameters:
             said = answers.take(parameter.name)
-            if said is None and parameter.value is not None:
-                answers.kept[parameter.name] = parameter.value
+            if said is None and parameter.value is not None and (
+                    answers.kept.setdefault(parameter.name, parameter.value) != parameter.value):
+                answers.note(f"{piece.name}: '{parameter.name}' has another value in an earlier node; that is taken")
         frame = gratin_frame(source, values, inputs, [(one.kind, one.name) for one in node.parameters],
                              displays=not sums and node.index not in fed and len(drawn) > 1, linear=linear)
         passes.append(make_pass(names[node.index], source, frame, answers))
@@ -96,8 +96,7 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
                          "passes at a time")
     has_value = set(answers.kept)
     answers.unknown = [uniform for uniform in answers.unknown if uniform.name not in has_value]
-    bodies = "\n".join(text for one in passes for _, text in one.source.files)
-    return make_contract("gratin", passes, answers, samples=written_samples(bodies))
+    return make_contract("gratin", passes, answers)
 
 
 def _nodes(file: Given) -> list[Node]:

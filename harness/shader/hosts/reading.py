@@ -14,6 +14,7 @@ from harness.shader.contract import Channel, Contract, Declared, Role, ShaderPas
 from harness.shader.declarations import Declarations, declarations
 from harness.shader.hosts.roles import channel_of, role_of
 from harness.shader.hosts.vertex import RANGES, authors, synthesised
+from harness.shader.hosts.written import written_samples
 from harness.shader.includes import Piece
 from harness.shader.language import Language, complete
 from harness.shader.lexer import without_comments
@@ -21,6 +22,10 @@ from harness.shader.source import ShaderSource
 
 ROLES: tuple[str, ...] = get_args(Role)
 STAND_INS = ("self", "keyboard", "noise", "black", "white", "cube", "volume")
+# Pages, scripts, and C++, which holds shaders in raw strings.
+PAGES = (".html", ".htm", ".vue", ".svelte")
+SCRIPTS = (".js", ".mjs", ".cjs", ".ts", ".jsx", ".tsx", *PAGES)
+PROGRAMS = (*SCRIPTS, ".cpp", ".cc", ".cxx", ".hpp", ".h", ".c")
 # What somebody may say of a uniform: its value, its role, what a sampler reads, or the range of a varying.
 Answer = Value | str
 
@@ -38,10 +43,15 @@ class Given:
         """What messages call it."""
         return str(self.path)
 
+    @property
+    def in_program(self) -> bool:
+        """Whether it is a page or a program that may hold shaders, and no shader itself."""
+        return self.path.suffix.lower() in PROGRAMS
+
     @cached_property
     def bare(self) -> str:
-        """Its text without comments. ShaderError as for `without_comments`."""
-        return without_comments(self.text, self.name)
+        """Its text without comments, nothing of a program's. ShaderError as for `without_comments`."""
+        return "" if self.in_program else without_comments(self.text, self.name)
 
     @property
     def piece(self) -> Piece:
@@ -130,8 +140,10 @@ def make_pass(name: str, source: ShaderSource, frame: Frame, answers: Answers) -
 
 
 def make_contract(host: str, passes: Sequence[ShaderPass], answers: Answers, size: tuple[int, int] | None = None,
-                  samples: int = 1, radiance: str = "") -> Contract:
-    """The contract of these passes. `radiance`: the last pass that reads its own past and shows nothing, if not said.
+                  samples: int = 0) -> Contract:
+    """The contract of these passes; radiance is in the last that reads its own past and shows nothing.
+
+    `samples`: of a frame, as that pass's text says it where they are 0.
 
     ShaderError for an answer that names nothing in the shader, and for a channel that reads a pass that is not there.
     """
@@ -148,8 +160,11 @@ def make_contract(host: str, passes: Sequence[ShaderPass], answers: Answers, siz
                                   f"'{channel.reads[5:]}', which is not there; there are {', '.join(names)}")
     summing = [one.name for one in passes if not one.displays and any(c.reads == "self" for c in one.channels)]
     drawing = [one.name for one in passes if not one.displays] or names
-    return Contract(host, tuple(passes), radiance or (summing or drawing)[-1], tuple(sorted(answers.kept.items())),
-                    samples=samples, size=size, unknown=tuple(_unique(answers.unknown)), notes=tuple(answers.notes),
+    radiance = (summing or drawing)[-1]
+    text = next(one.source.text for one in passes if one.name == radiance)
+    return Contract(host, tuple(passes), radiance, tuple(sorted(answers.kept.items())),
+                    samples=samples or written_samples(text), size=size,
+                    unknown=tuple(_unique(answers.unknown)), notes=tuple(answers.notes),
                     said=tuple(f"{name}={_spelt(value)}" for name, value in sorted(answers.values.items())))
 
 

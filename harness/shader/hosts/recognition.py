@@ -10,7 +10,7 @@ from harness.errors import HarnessError, ShaderError
 from harness.shader.contract import Contract
 from harness.shader.decoding import decoded
 from harness.shader.hosts import body, desktop, glslviewer, gratin, ours, shadertoy, vscode, webgl
-from harness.shader.hosts.reading import Answer, Answers, Given
+from harness.shader.hosts.reading import PROGRAMS, Answer, Answers, Given
 
 # The first that holds reads; the ones whose marks are the least ambiguous come first.
 DIALECTS = (gratin.DIALECT, ours.DIALECT, glslviewer.DIALECT, body.DIALECT, vscode.DIALECT, shadertoy.DIALECT,
@@ -18,7 +18,6 @@ DIALECTS = (gratin.DIALECT, ours.DIALECT, glslviewer.DIALECT, body.DIALECT, vsco
 # Files of a folder that may hold a shader.
 SUFFIXES = (".glsl", ".frag", ".fs", ".fsh", ".fragment", ".vert", ".vs", ".vsh", ".gra", ".html", ".htm", ".js",
             ".json", ".shader")
-_PROGRAMS = (".html", ".htm", ".js")
 _MAIN = re.compile(r"\bvoid\s+main(?:Image)?\s*\(")
 _MAX_FILES = 64
 
@@ -64,7 +63,7 @@ def _files_of(folder: Path) -> list[Path]:
         if whole:
             return whole
     shaders = [path for path in found if path.suffix.lower() not in (".gra", ".json")]
-    plain = [path for path in shaders if path.suffix.lower() not in _PROGRAMS]
+    plain = [path for path in shaders if path.suffix.lower() not in PROGRAMS]
     if any(_MAIN.search(decoded(path).text) for path in plain):
         shaders = plain  # the page that shows them may stand beside them
     if not shaders:

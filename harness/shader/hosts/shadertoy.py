@@ -25,7 +25,7 @@ from harness.shader.hosts.reading import (
     make_pass,
     said_channel,
 )
-from harness.shader.hosts.written import written_samples, written_size
+from harness.shader.hosts.written import written_size
 from harness.shader.includes import Piece, joined
 from harness.shader.language import GLES_300
 from harness.shader.source import ShaderSource
@@ -83,7 +83,7 @@ def contract_of(tabs: Sequence[Tab], answers: Answers, host: str) -> Contract:
     texts = [one.source.text for one in passes]
     asks = any("iResolution" in text or "textureSize" in text for text in texts)
     size = None if asks else next((size for text in texts if (size := written_size(text))), None)
-    return make_contract(host, passes, answers, size, samples=written_samples("\n".join(texts)))
+    return make_contract(host, passes, answers, size)
 
 
 def toy_pass(tab: Tab, source: ShaderSource, answers: Answers, displays: bool) -> ShaderPass:
@@ -131,6 +131,8 @@ def _exported(file: Given, answers: Answers) -> list[Tab]:
     common = [Piece(f"{file.name} (Common)", one["code"]) for one in rendered if one.get("type") == "common"]
     drawn = sorted((one for one in rendered if one.get("type") in ("buffer", "image", None)),
                    key=lambda one: (one.get("type") == "image", str(one.get("name", ""))))
+    if not drawn:
+        raise ShaderError(f"{file.name}:1: an export without an image or a buffer; export the shader anew")
     for one in rendered:
         if one.get("type") in ("sound", "cubemap"):
             answers.note(f"{file.name}: its {one['type']} pass is left out")
@@ -200,8 +202,6 @@ def _tabs(files: Sequence[Given], answers: Answers) -> list[Tab]:
                               "the files image, bufferA to bufferD, and common")
         named[name] = file
     common = [named.pop("Common").piece] if "Common" in named else []
-    if not named:
-        raise ShaderError(f"{files[0].name}: a common tab alone draws nothing; name the image's or a buffer's file too")
     order = sorted(named, key=lambda name: (name == "Image", name))
     buffers = [name for name in order if name != "Image"]
     tabs = []
@@ -215,8 +215,8 @@ def _tabs(files: Sequence[Given], answers: Answers) -> list[Tab]:
             reads = name if not buffers and number == 0 else buffers[number] if number < len(buffers) else ""
             tab.channels[channel] = Channel(channel, "black" if not reads else "self" if reads == name
                                             else f"pass:{reads}")
-            if not reads and _looks_up_directions(channel, "\n".join([file.bare for file in files])):
-                tab.channels[channel] = Channel(channel, "cube", "samplerCube")
+            if _looks_up_directions(channel, named[name].bare):
+                tab.channels[channel], reads = Channel(channel, "cube", "samplerCube"), ""
             said = "its own last frame" if reads == name else reads or tab.channels[channel].reads
             answers.note(f"{named[name].name}: {channel} is taken to read {said}; else say "
                          f"--set '{name}.{channel}=…' ({', '.join(STAND_INS)}, pass:NAME)")

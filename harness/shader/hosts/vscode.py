@@ -52,7 +52,7 @@ def _follow(file: Given, tabs: dict[Path, Tab], answers: Answers, name: str) -> 
     tab = Tab(name, [])
     channels: dict[str, Channel] = {}
     placeholders = {mine: tab}
-    text = file.bare
+    parts, done = [], 0
     for found in _DIRECTIVE.finditer(file.bare):
         word, part, rest = found["word"], found["part"], found["rest"].strip()
         where = f"{file.name}:{file.bare.count(chr(10), 0, found.start()) + 1}"
@@ -67,10 +67,10 @@ def _follow(file: Given, tabs: dict[Path, Tab], answers: Answers, name: str) -> 
                                      repeat=channels[word].repeat or setting == "repeat")
         elif not part and word.startswith("iChannel"):
             channels[word] = _channel(word, rest.strip().strip('"'), where, file, tabs, answers, placeholders)
-        text = text[:found.start()] + replacement + text[found.end():]
+        parts += [file.bare[done:found.start()], replacement]
+        done = found.end()
     tab.channels = channels
-    # What the directives say is taken out of the text that is compiled; messages show the author's line all the same.
-    tab.pieces = [replace(file.piece, text=text)]
+    tab.pieces = [replace(file.piece, text="".join([*parts, file.bare[done:]]), shown=file.text)]
     tabs[mine] = tab
 
 
