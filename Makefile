@@ -3,7 +3,7 @@ PROFILE ?= quick
 PYTHON ?= python3
 
 .DEFAULT_GOAL := help
-.PHONY: help setup report gallery test mutants bench calibrate doctor lint clean
+.PHONY: help setup report gallery test hosts mutants bench calibrate doctor lint clean
 
 help:  ## Show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-9s %s\n", $$1, $$2 }' Makefile
@@ -19,6 +19,10 @@ gallery: setup  ## Render the handout's two pictures, 1024 x 1024, with all thei
 
 test: setup  ## Run every unit test and every tolerance gate
 	.venv/bin/pytest -n 2 --dist worksteal
+
+hosts: setup  ## Run exported shaders in wgpu-shadertoy and in Chromium, which with mesa-vulkan-drivers must be there
+	.venv/bin/uv pip install --quiet --python .venv/bin/python --no-build-isolation --editable '.[shadertoy]'
+	.venv/bin/pytest tests/foreign
 
 mutants: setup  ## Seed one-line bugs into the shader and show which gates notice them
 	.venv/bin/harness mutants

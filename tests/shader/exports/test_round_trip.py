@@ -1,0 +1,129 @@
+"""What is exported is the same tracer: drawn as each host draws, its sums are those of `harness render`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.errors import HarnessError
+from harness.gpu.display import display
+from harness.gpu.frames import Frames, Moment
+from harness.scene import Scene, load_scene
+from harness.shader.exports import HOSTS, export
+from harness.shader.hosts import read
+from tests.support.exported import accumulate, displayed, drawn, rendered
+
+SCENES = Path(__file__).parents[3] / "mitsuba_scenes"
+FRAMES, SAMPLES = 3, 4
+# GLSL ES 3.00 has no `precise`: where the library uses it (cubes, procedural textures), compilers round otherwise.
+ES = ("shadertoy", "webgl")
+
+
+def scene_of(name: str) -> Scene:
+    return load_scene(SCENES / f"{name}.xml", width=16, height=12)
+
+
+def samples_of(host: str) -> int:
+    """The plain shader keeps the library's own default."""
+    return 16 if host == "glsl" else SAMPLES
+
+
+@pytest.mark.parametrize("host", HOSTS)
+@pytest.mark.parametrize(("name", "strategy", "exact_in_es"), [
+    ("cylinders", "uniform", True), ("depth_of_field", "mixture", False), ("traps/far_camera", "lobes", True),
+    ("displaced", "cosine", True),
+])
+def test_sums_are_those_of_render(host: str, name: str, strategy: str, exact_in_es: bool) -> None:
+    """Bit for bit; what the first frame finds in its past does not matter."""
+    scene = scene_of(name)
+    found = drawn(host, export(scene, strategy, host, samples=SAMPLES), scene, FRAMES)
+    expected = rendered(scene, strategy, FRAMES * samples_of(host))
+    if host in ES and not exact_in_es:
+        np.testing.assert_allclose(found, expected, rtol=2e-5, atol=2e-5)
+    else:
+        np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("host", HOSTS)
+@pytest.mark.parametrize("name", ["textures", "traps/seam"])
+def test_images_are_looked_up_alike(host: str, name: str) -> None:
+    """Every filter, wrap and encoding, as a sampler that is bound for them has it, to rounding; Shadertoy takes small
+    images only."""
+    scene = scene_of(name)
+    if (host, name) == ("shadertoy", "textures"):
+        with pytest.raises(HarnessError, match=r"tiles\.png.* of 10240 texels; Shadertoy takes no images of one's own"):
+            export(scene, "mixture", host)
+        return
+    found = drawn(host, export(scene, "mixture", host, samples=SAMPLES), scene, FRAMES)
+    expected = rendered(scene, "mixture", FRAMES * samples_of(host))
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+    if host == "glsl":
+        np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("host", HOSTS)
+def test_what_is_read_back_is_the_same(host: str, tmp_path: Path) -> None:
+    """By the readers of strangers' shaders, which know nothing of ours."""
+    scene = scene_of("cylinders")
+    paths = []
+    for name, text in export(scene, "mixture", host, samples=SAMPLES).items():
+        path = tmp_path / name
+        path.write_text(str(text), encoding="utf-8")
+        if path.suffix != ".glsl" and not name.endswith(".display.frag"):  # the JSON holds Shadertoy's tabs
+            paths.append(path)
+    contract = read(paths)
+    assert not contract.unknown
+    frames = Frames(contract, (scene.width, scene.height))
+    for number in range(FRAMES):
+        frames.frame(Moment.of(contract.first_frame + number, number))
+    found = frames.read(contract.radiance)[::-1]
+    frames.release()
+    np.testing.assert_array_equal(found, rendered(scene, "mixture", FRAMES * samples_of(host)))
+
+
+@pytest.mark.parametrize("host", HOSTS)
+def test_the_picture_is_that_of_the_display_pass(host: str) -> None:
+    """At the scene's exposure, to a step of 8 bits; a pixel without samples is black."""
+    scene = scene_of("cylinders")
+    sums = np.random.default_rng(2).uniform(0, 8, (12, 16, 4)).astype(np.float32)
+    sums[0, :, 3] = 0
+    shown = displayed(host, export(scene, "mixture", host, exposure=-1.5), sums)
+    np.testing.assert_allclose(shown * 255, display(sums, -1.5), atol=0.51)
+
+
+@pytest.mark.parametrize("host", ["shadertoy", "glslviewer"])
+@pytest.mark.parametrize(("window", "corner", "size"), [((40, 12), (12, 0), (16, 12)), ((16, 20), (0, 4), (16, 12))])
+def test_the_film_stands_in_the_middle_of_a_window(
+    host: str, window: tuple[int, int], corner: tuple[int, int], size: tuple[int, int],
+) -> None:
+    """In the scene's aspect, with nothing beside it."""
+    scene = scene_of("cylinders")
+    files = export(scene, "mixture", host, samples=SAMPLES)
+    wide = drawn(host, files, scene, FRAMES, window)
+    (x, y), (width, height) = corner, size
+    top = window[1] - y - height
+    np.testing.assert_array_equal(wide[top:top + height, x:x + width], rendered(scene, "mixture", FRAMES * SAMPLES))
+    wide[top:top + height, x:x + width] = 0
+    assert not wide.any()
+
+
+def test_long_paths_have_fewer_samples_a_frame() -> None:
+    """Drivers leave loops of more than some ten thousand iterations without a word."""
+    scene = load_scene(SCENES / "cylinders.xml", width=16, height=12, max_depth=1024)
+    assert "const int SAMPLES = 32;" in export(scene, "mixture", "shadertoy", samples=1000)["buffer_a.glsl"]
+
+
+def test_stale_pasts_would_show() -> None:
+    """The tests above see a shader that adds to whatever its first frame finds."""
+    text = "#version 420\nuniform sampler2D p; out vec4 c; void main() { c = texelFetch(p, ivec2(gl_FragCoord), 0); }"
+    assert accumulate(text, (4, 4), 1, "p", lambda _: {}).min() >= 1
+
+
+def test_unknown_hosts_and_strategies_are_refused() -> None:
+    scene = scene_of("cylinders")
+    with pytest.raises(HarnessError, match="unknown host 'quake'; choose from gratin, shadertoy, glslviewer, webgl"):
+        export(scene, "mixture", "quake")
+    with pytest.raises(HarnessError, match="unknown strategy 'best'"):
+        export(scene, "best", "webgl")
