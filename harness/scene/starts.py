@@ -18,7 +18,9 @@ name = "{name}"
 scene = "{scene}"                # relative to this file
 strategy = "mixture"             # how directions are drawn: uniform, cosine, phong, lobes or mixture
 size = [48, 36]                  # small images are decided soon
-tolerance = {{ mean = 0.01, coarse = 0.05, fine = 0.25 }}  # bias of the image, of its larger and its smaller tiles
+spp = 256                        # of each of up to 64 replicas: it draws no more than it needs
+reference = {{ spp = 64 }}         # Mitsuba's, of each replica too
+tolerance = {{ mean = 0.01, coarse = 0.2, fine = 1.0 }}  # bias of the image, of its larger and its smaller tiles
 reason = "A first gate: say here what it guards, and why these tolerances."
 # shader = "my_tracer.frag"      # puts a shader of yours in the place of the harness's, see `harness new-shader`
 '''
