@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 def view(
     what: Annotated[Path, typer.Argument(metavar="SCENE|SHADER", show_default=False,
                                          help="A Mitsuba 3 scene file (.xml), or somebody's shader.")],
-    scene: Annotated[Path | None, typer.Option("--scene", help="The scene that a shader shows: its film, and what it is "
-                                               "held against.")] = None,
+    scene: Annotated[Path | None, typer.Option("--scene", help="The scene that a shader shows: its film, and what "
+                                               "it is held against.")] = None,
     strategy: Annotated[str, typer.Option("--strategy", "-s", help="With which strategy to begin.")] = "mixture",
     reference: Annotated[Path | None, typer.Option("--reference", metavar="FILE", help="An .exr file to hold the image "
                                                    "against, in place of Mitsuba's samples in the cache.")] = None,
@@ -54,8 +54,8 @@ def view(
     window = Window((film.width, film.height), file.name)
     try:
         log(HELP)
-        with Session(file, subject.estimators, Watched(subject.first, film.exposure), find_reference=find, folder=folder,
-                     name=file.name if subject.shown else "",
+        with Session(file, subject.estimators, Watched(subject.first, film.exposure), find_reference=find,
+                     folder=folder, name=file.name if subject.shown else "",
                      facts={SCENE_HASH: scene_hash(file)} if subject.shown else {}) as session:
             watch(session, window)
             if json:
@@ -92,7 +92,7 @@ def _tracers(path: Path, strategy: str, size: str | None, parameters: list[str] 
 
 
 def _shader(path: Path, scene: Path | None, size: str | None, parameters: list[str] | None) -> Subject:
-    raise HarnessError(f"{path}: only a scene, an .xml file, can be watched so far; a shader is judged by `harness gate`")
+    raise HarnessError(f"{path}: only a scene, an .xml file, can be watched so far; `harness gate` judges a shader")
 
 
 def _finder(image: Path | None, cache: bool) -> FindReference:

@@ -28,7 +28,8 @@ class Window:
     """A window whose GL context becomes this thread's: the tracer draws in it as it does without one."""
 
     def __init__(self, size: tuple[int, int], title: str) -> None:
-        """Open it, for images of `size` (width, height). MachineError where the extra `view` or a display is missing."""
+        """Open it, for images of `size` (width, height). MachineError where the extra `view` is missing, or a
+        display."""
         kind = _kind()
         self.scale = max(1, ROOM // size[0])
         try:

@@ -26,7 +26,7 @@ def stored_reference(scene: SceneFile, store: Store | None) -> Estimate | None:
 
 def _series(store: Store, identity: dict[str, str]) -> Iterator[list[Batch]]:
     """As `harness reference` leaves them, its first samples perhaps not kept; and as replicas of equal length."""
-    one = []
+    one: list[Batch] = []
     for start, count in schedule(LONGEST_BATCH * MOST):
         batch = store.get(identity, 0, start, count)
         if batch is not None:
@@ -36,7 +36,7 @@ def _series(store: Store, identity: dict[str, str]) -> Iterator[list[Batch]]:
     yield one
     length = LONGEST_BATCH
     while length:
-        found = []
+        found: list[Batch] = []
         while len(found) < MOST and (batch := store.get(identity, len(found), 0, length)) is not None:
             found.append(batch)
         yield found

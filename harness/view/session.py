@@ -44,8 +44,8 @@ class Session:
     """A scene seen through one of several estimators. To be used in a `with`, which closes the renderer.
 
     `find_reference`: what a scene's image is held against, where there is anything; `folder`: where images are saved;
-    `name`: what the title calls it, the scene's if None; `facts`: metadata of saved images. Samples are those of replica 0 from the first on, so the image is the one that
-    `harness render` has of as many.
+    `name`: what the title calls it, the scene's if None; `facts`: metadata of saved images. Samples are those of
+    replica 0 from the first on, so the image is, but for rounding, the one that `harness render` has of as many.
     """
 
     def __init__(self, scene: SceneFile, estimators: Sequence[Estimator], chosen: Watched = Watched(), *,
@@ -59,7 +59,7 @@ class Session:
         self.paused = self.done = False
         self.message = ""
         self.saved: list[Path] = []
-        self._restart()
+        self._sum, self._count = Accumulator(), 1
 
     def __enter__(self) -> Session:
         return self
@@ -142,8 +142,8 @@ class Session:
                 step = 1 if key == "right" else -1
                 self._choose(replace(self.chosen, number=(self.chosen.number + step) % len(self._estimators)))
             case "up" | "down":
-                step = EXPOSURE_STEP if key == "up" else -EXPOSURE_STEP
-                self.chosen = replace(self.chosen, exposure=self.chosen.exposure + step)
+                brighter = EXPOSURE_STEP if key == "up" else -EXPOSURE_STEP
+                self.chosen = replace(self.chosen, exposure=self.chosen.exposure + brighter)
             case "page up" | "page down":
                 self._deepen(1 if key == "page up" else -1)
             case "space":
