@@ -20,7 +20,7 @@ FLOORS = (
     ("scene", "metrics"),
     ("policy", "results", "shader"),
     ("gpu", "reference"),
-    ("checks", "estimators"),
+    ("checks", "estimators", "strangers"),
     ("work",),
     ("api", "diagnosis", "studies"),
     ("bench", "course", "view"),

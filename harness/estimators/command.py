@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import shlex
-import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from string import Formatter
@@ -17,6 +15,7 @@ from string import Formatter
 import numpy as np
 
 from harness.errors import HarnessError
+from harness.machine.processes import end, last_line
 from harness.progress import Advance
 from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
@@ -30,8 +29,6 @@ WORDS = ("scene", "spp", "seed", "out", "width", "height", "max_depth")
 NEEDED = ("seed", "out")
 # Seconds that one run may take unless somebody says otherwise.
 TIME_LIMIT = 600.0
-# How long a program that is told to end may go on before it is killed, in seconds.
-GRACE = 2.0
 # What {max_depth} stands for where the scene file sets no bound, as Mitsuba writes it.
 UNBOUNDED = -1
 # A seed of 0 means "choose one" to many programs.
@@ -177,39 +174,15 @@ class CommandRenderer:
             try:
                 status = process.wait(self._command.seconds)
             except subprocess.TimeoutExpired:
-                _end(process)
+                end(process)
                 raise self._error(f"took longer than {self._command.seconds:g} s and was ended; ask for fewer samples, "
                                   "or allow more time") from None
             except BaseException:  # Ctrl-C: the program has a session of its own, and would go on
-                _end(process)
+                end(process)
                 raise
             if status:
                 ended = f"signal {-status}" if status < 0 else f"exit status {status}"
-                raise self._error(f"failed with {ended}: {_last_line(said)}; try `{shlex.join(arguments)}`")
+                raise self._error(f"failed with {ended}: {last_line(said)}; try `{shlex.join(arguments)}`")
 
     def _error(self, message: str) -> HarnessError:
         return HarnessError(f"command `{self._command.name}` {message}")
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a program and all that it started; what does not listen is killed, at once where Ctrl-C is pressed again."""
-    try:
-        _signal_all(process, signal.SIGTERM)
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(GRACE)
-    finally:
-        _signal_all(process, signal.SIGKILL)  # its children may be left, whether it listened or not
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(GRACE)
-
-
-def _signal_all(process: subprocess.Popen[bytes], number: signal.Signals) -> None:
-    with suppress(ProcessLookupError):
-        os.killpg(process.pid, number)
-
-
-def _last_line(said: object) -> str:
-    """The last thing that a program said before it ended."""
-    said.seek(0)  # type: ignore[attr-defined]
-    lines = [line.strip() for line in said.read().decode(errors="replace").splitlines()]  # type: ignore[attr-defined]
-    return next((line[:300] for line in reversed(lines) if line), "it said nothing")

@@ -1,0 +1,312 @@
+"""The experiments on a stranger's shader, in their order: its law, its averaging, its samples, its random numbers.
+
+None of them needs a reference: each holds the shader against itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from harness.errors import ShaderError
+from harness.gpu.frames import Moment
+from harness.samples.estimate import luminance
+from harness.shader.contract import Contract, Law
+from harness.strangers import lines
+from harness.strangers.accumulation import FRAMES, judge_accumulation, radiance_of
+from harness.strangers.findings import Accumulation, Finding, Findings
+from harness.strangers.law import LawFound, find_law, inner, weight_is_of_the_new, with_weight_of_the_new
+from harness.strangers.process import Process
+from harness.strangers.seeds import ROUNDING, find_repeats
+from harness.strangers.single import Encoding
+
+# Frames that random numbers are looked for repeats in.
+SEED_FRAMES = 256
+# Film that the experiments are drawn on, and the one to hold it against: (width, height).
+SIZE = (32, 24)
+# A share of samples that are not finite from which on it is a flood.
+FLOOD = 0.5
+# What the past holds that nobody cleared, and what a clock says that started long ago.
+STALE, LATER = 7.0, 1000.25
+# Means that must agree: standard errors, and part of the mean.
+CERTAIN, MATTERS = 8.0, 0.02
+# Films of two sizes see other things at their edges; their means differ by less.
+BY_SIZE = 0.15
+# Frames that are compared with and without a line of the author's.
+TRIAL_FRAMES = 4
+
+
+def experiment(contract: Contract, process: Process, size: tuple[int, int] = SIZE, *, thorough: bool = True) -> Findings:
+    """All that can be found out of a shader by itself, on a film of `size` (width, height) or the author's own.
+
+    `thorough`: lines of the author's are tried too, and films of another size. ShaderError for a shader that does not
+    compile, or whose frames take too much time or memory. The process has the contract open afterwards.
+    """
+    size = contract.size or size
+    process.open(contract, size)
+    law = find_law(process)
+    if weight_is_of_the_new(law):
+        contract = with_weight_of_the_new(contract)
+        law = find_law(process.open(contract, size))
+    contract = replace(law.contract, law=law.law, samples=_samples(law, contract))
+    process.open(contract, size)
+    return _Experiments(contract, law, process, size).run(thorough=thorough)
+
+
+def _samples(law: LawFound, contract: Contract) -> int:
+    """Of one frame, where alpha counts them."""
+    counts = law.law.kind == "sum" and law.law.count == "alpha"
+    return max(1, round(law.alpha_step)) if counts else contract.samples
+
+
+class _Experiments:
+    """The experiments on one shader whose law is known."""
+
+    def __init__(self, contract: Contract, found: LawFound, process: Process, size: tuple[int, int]) -> None:
+        self.contract, self.found, self.process, self.size = contract, found, process, size
+        self.law = found.law
+        self.first = contract.first_frame
+        # A host that gives the weight can give each frame the whole of it.
+        self.count = 0 if self.law.count == "uniform" else None
+
+    def run(self, *, thorough: bool) -> Findings:
+        """All of them. What makes later ones pointless ends them."""
+        result = self.process.loop(FRAMES)
+        alone = self._alone(range(self.first, self.first + FRAMES))
+        accumulation = self._accumulation(radiance_of(result, self.law, FRAMES), alone)
+        stack = self._alone(range(self.first + 1, self.first + 1 + SEED_FRAMES))
+        found = list(self._samples_alone(stack, result))
+        encoding: Encoding = ""
+        if not any(one.kind in ("never_writes", "black", "nan_flood") for one in found):
+            found += self._joined(accumulation)
+            clock = list(self._clock(stack))
+            found += [*self._past(), *clock, *self._weights(stack), *self._unset(stack)]
+            if not any(one.kind == "clock" for one in clock):  # what moves repeats
+                found += self._seeds(stack)
+            if thorough:
+                found += [*self._iterations(), *self._sizes(stack, found)]
+                tried, encoding = self._lines()
+                found += tried
+        self.process.open(self.contract, self.size)
+        order = {"fault": 0, "warning": 1, "note": 2}
+        return Findings(self.contract, self.found.told, accumulation,
+                        tuple(sorted(found, key=lambda one: order[one.severity])), encoding, SEED_FRAMES)
+
+    def _alone(self, numbers: range, contract: Contract | None = None) -> np.ndarray:
+        """Samples of single frames, (F, H, W, 3)."""
+        stack = self.process.singles(self.law, numbers, keep=True, count=self.count).stack
+        assert stack is not None
+        return stack
+
+    def _accumulation(self, result: np.ndarray, alone: np.ndarray) -> Accumulation:
+        verdict = judge_accumulation(result, alone, self.law)
+        if self.found.shift:
+            return replace(verdict, outcome="fail", told=f"a pixel of the past {self.found.shift}: it is read in another "
+                           "place than it was written to")
+        return verdict
+
+    def _joined(self, accumulation: Accumulation) -> Iterator[Finding]:
+        if self.found.shift:
+            yield Finding("past_elsewhere", "fault", "accumulation",
+                          f"a pixel of the past {self.found.shift}; read it at its own place: texelFetch(…, "
+                          "ivec2(gl_FragCoord.xy), 0)")
+        elif accumulation.outcome == "fail" and self.law.kind != "other":
+            kind = "blend" if self.law.kind == "blend" else "counts_wrongly"
+            yield Finding(kind, "fault", "accumulation", accumulation.told, evidence=(("factor", accumulation.factor),))
+        if self.law.kind == "none" and any(channel.reads == "self" for one in self.contract.passes
+                                           for channel in one.channels if one.name == self.contract.radiance):
+            yield Finding("past_ignored", "fault", "accumulation",
+                          "it has a sampler for its past, but what it draws does not depend on it: nothing is averaged")
+        if self.law.kind == "other":
+            yield Finding("law_unknown", "fault", "accumulation", self.found.told)
+
+    def _samples_alone(self, stack: np.ndarray, result: np.ndarray) -> Iterator[Finding]:
+        """Of single frames: are there any, are they finite, is there something in them?"""
+        self.process.clear(STALE)
+        self.process.frame(Moment.of(self.first, 0))
+        drawn = self.process.read(self.contract.radiance)
+        untouched = float((drawn == np.float32(STALE)).all(axis=-1).mean())
+        broken = float((~np.isfinite(stack).all(axis=-1)).mean())
+        if not lines.writes(self.contract) or (untouched == 1.0 and not np.nan_to_num(stack).any()):
+            yield Finding("never_writes", "fault", "shader", "it never writes its output: a frame leaves what was there")
+            return
+        if untouched > 0 and self.law.kind != "sum":
+            yield Finding("leaves_pixels", "warning", "shader",
+                          f"a frame leaves {untouched:.0%} of the pixels as they were: it discards them, or writes "
+                          "nothing there")
+        if broken < 1 and not np.nan_to_num(stack).any():
+            yield Finding("black", "fault", "estimator", "every pixel of every frame is 0: it shows nothing")
+        if broken > FLOOD:
+            yield Finding("nan_flood", "fault", "estimator",
+                          f"{broken:.0%} of all samples are not finite; look for a division by zero, a root or power of "
+                          "a negative number, or normalize(vec3(0))", evidence=(("share", broken),))
+        elif broken > 0:
+            lost = float((~np.isfinite(result).all(axis=-1)).mean())
+            yield Finding("not_finite", "fault", "estimator",
+                          f"{broken:.2%} of all samples are not finite, and {lost:.0%} of the pixels after {FRAMES} "
+                          "frames: one such sample spoils its pixel for ever", evidence=(("share", broken),))
+        if (stack < 0).any():
+            share = float((stack < 0).mean())
+            yield Finding("negative", "warning", "estimator", f"{share:.2%} of all samples are below zero",
+                          evidence=(("share", share),))
+
+    def _past(self) -> Iterator[Finding]:
+        """Is the first frame's past read, though nobody cleared it?"""
+        drawn = []
+        for value in (0.0, STALE):
+            self.process.clear(value)
+            self.process.frame(Moment.of(self.first, 0))
+            drawn.append(self.process.read(self.contract.radiance)[inner(self.size)][:, :3])
+        if self.contract.host in STALE_HOSTS and not np.array_equal(*drawn, equal_nan=True):
+            yield Finding("stale_past", "fault", "accumulation",
+                          "the first frame reads its past, which in Gratin holds whatever was drawn before; begin anew "
+                          f"where the frame's number is {self.first}")
+
+    def _seeds(self, stack: np.ndarray) -> Iterator[Finding]:
+        values = luminance(stack)
+        for repeat in find_repeats(values):
+            kind = {"frames_equal": "ignores_seed"}.get(repeat.kind, f"repeats_{repeat.kind}")
+            yield Finding(kind, "fault", "seeds", repeat.told,
+                          evidence=(("correlation", repeat.size), ("standard errors", repeat.certain)))
+        if float(np.nan_to_num(np.ptp(values, axis=0)).max()) == 0 and not find_repeats(values):
+            yield Finding("no_noise", "note", "seeds", "frames do not differ, and pixels neither: there is no noise")
+
+    def _weights(self, stack: np.ndarray) -> Iterator[Finding]:
+        """A mean gives the new frame what it takes from the past: the samples of early frames are as bright as of
+        later ones."""
+        if self.law.kind != "mean":
+            return
+        each = np.nan_to_num(luminance(stack)).mean(axis=(1, 2))
+        early, late = each[:3], each[len(each) // 2:]
+        error = float(late.std(ddof=1)) * np.sqrt(1 / len(early) + 1 / len(late))
+        away = float(early.mean() - late.mean())
+        if abs(away) > max(CERTAIN * error, MATTERS * abs(float(late.mean()))):
+            yield Finding("weights_unequal", "fault", "accumulation",
+                          f"the weight of the new frame is not what the past leaves: its first frames come out "
+                          f"{early.mean() / late.mean():.3g} times as bright as later ones",
+                          evidence=(("ratio", float(early.mean() / late.mean())),))
+
+    def _clock(self, stack: np.ndarray) -> Iterator[Finding]:
+        """Does the clock change the samples, or even the picture?"""
+        numbers = range(self.first + 1, self.first + 1 + SEED_FRAMES // 4)
+        frozen = self.process.singles(self.law, numbers, keep=True, seconds=LATER, count=self.count).stack
+        assert frozen is not None
+        then = stack[:len(frozen)]
+        if np.array_equal(frozen, then, equal_nan=True):
+            return
+        if _equal_frames(frozen) and not _equal_frames(then):
+            yield Finding("seeds_by_clock", "note", "seeds", "the random numbers come from the clock alone: frames at the "
+                          "same time are the same")
+            return
+        if away := _parts(frozen, then):
+            yield Finding("clock", "fault", "estimator", f"the picture itself changes with the clock ({away}): frames of "
+                          "different times cannot be averaged")
+
+    def _unset(self, stack: np.ndarray) -> Iterator[Finding]:
+        """Is it another picture where every variable starts at zero?"""
+        try:
+            self.process.open(lines.with_zeros(self.contract), self.size)
+            numbers = range(self.first + 1, self.first + 1 + TRIAL_FRAMES)
+            zeroed = self._alone(numbers)
+        except ShaderError:  # a text that cannot be changed so
+            self.process.open(self.contract, self.size)
+            return
+        self.process.open(self.contract, self.size)
+        share = float((~np.isclose(zeroed, stack[:TRIAL_FRAMES], rtol=1e-3, atol=1e-6, equal_nan=True)).mean())
+        if share > 0:
+            warned = self.process.unset()
+            where, name = warned[0] if warned else ("", "")
+            which = f"'{name}'" if name else "some variable"
+            yield Finding("unset_variable", "fault", "shader",
+                          f"{which} is read before it has a value: with all variables at zero {share:.1%} of the samples "
+                          "are others, and every driver has its own", where, (("share", share),))
+
+    def _sizes(self, stack: np.ndarray, found: Sequence[Finding]) -> Iterator[Finding]:
+        """Is the picture the same on a larger film? Of noise that repeats nobody can tell."""
+        if self.contract.size or any(one.kind in ("ignores_seed", "clock", "repeats_period") for one in found):
+            return
+        larger = (2 * self.size[0], 2 * self.size[1])
+        self.process.open(self.contract, larger)
+        other = self._alone(range(self.first + 1, self.first + 1 + SEED_FRAMES // 4))
+        self.process.open(self.contract, self.size)
+        quarters = other.reshape(len(other), self.size[1], 2, self.size[0], 2, 3).mean(axis=(2, 4))
+        if away := _parts(quarters, stack[:len(other)], matters=BY_SIZE):
+            yield Finding("resolution", "fault", "estimator", f"the picture is another on a film of {larger[0]} x "
+                          f"{larger[1]} pixels ({away}): a size is written into the shader")
+
+    def _iterations(self) -> Iterator[Finding]:
+        """Has the driver cut a loop short, in silence?"""
+        wrapped = lines.with_sentinel(self.contract) if self.process.facts.get("iterations") else None
+        if wrapped is None:
+            return
+        try:
+            self.process.open(wrapped, self.size)
+        except ShaderError:  # a text that cannot be wrapped
+            return
+        self.process.frame(Moment.of(self.first + 1, 1))
+        counted = self.process.read(self.contract.radiance)[..., 0]
+        self.process.open(self.contract, self.size)
+        cut = float(((counted >= 0) & (counted < lines.SENTINEL)).mean())
+        if cut > 0:
+            where = lines.loops(self.contract)
+            yield Finding("loop_cut", "fault", "shader",
+                          f"a loop runs so long in {cut:.0%} of the pixels that the driver leaves it after "
+                          f"{self.process.facts['iterations']} iterations, without a word: give it a bound that ends it",
+                          where[0] if where else "", (("share", cut),))
+
+    def _lines(self) -> tuple[list[Finding], Encoding]:
+        """What single lines of the author's do to the samples."""
+        numbers = range(self.first + 1, self.first + 1 + TRIAL_FRAMES)
+        usual = self._alone(numbers)
+        found: list[Finding] = []
+        encoding: Encoding = ""
+        for trial in [*list(lines.encodings(self.contract))[:lines.MOST_LINES],
+                      *list(lines.clamps(self.contract))[:lines.MOST_LINES]]:
+            try:
+                self.process.open(trial.contract, self.size)
+                without = self._alone(numbers)
+            except ShaderError:  # a text that does not compile without it
+                continue
+            if trial.encoding and lines.is_encoded(usual, without, trial.encoding):
+                encoding = trial.encoding
+                found.append(Finding("encodes_samples", "fault", "estimator",
+                                     f"each frame is encoded before it is averaged (`{trial.line}`): the mean of roots is "
+                                     "not the root of the mean; encode when you show it", trial.where))
+                break
+            if trial.bound and (share := lines.clamped(usual, without, trial.bound)):
+                found.append(Finding("clamps_samples", "fault", "estimator",
+                                     f"samples are clamped to {trial.bound:g} (`{trial.line}`), {share:.2%} of them: "
+                                     "the mean is too dark wherever light is brighter", trial.where,
+                                     (("share", share),)))
+                break
+        return found, encoding
+
+
+# Hosts whose ping-pong buffers nobody clears: Gratin's first frame reads what was there.
+STALE_HOSTS = ("gratin", "body", "native")
+
+
+def _equal_frames(stack: np.ndarray) -> bool:
+    values = np.nan_to_num(stack)
+    return bool((np.ptp(values, axis=0) <= ROUNDING * (np.abs(values).max(axis=0) + 1e-30)).all())
+
+
+def _parts(one: np.ndarray, other: np.ndarray, matters: float = MATTERS) -> str:
+    """How the pictures that two stacks of samples, (F, H, W, 3), are of part; empty where they may be one.
+
+    The mean over the image, or what most pixels say: rare bright samples upset sums of squares, no medians.
+    """
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        means = [np.nan_to_num(luminance(stack)).mean(axis=(1, 2)) for stack in (one, other)]
+        error = np.sqrt(sum(float(each.var(ddof=1)) / len(each) for each in means))
+        first, second = (float(each.mean()) for each in means)
+        size = max(abs(first), abs(second))
+        if abs(first - second) > max(CERTAIN * error, matters * size):
+            return f"its mean is {first:.4g} instead of {second:.4g}"
+        pixels = [np.nan_to_num(luminance(stack)) for stack in (one, other)]
+        variance = sum(each.var(axis=0, ddof=1) / len(each) for each in pixels)
+        away = np.abs(pixels[0].mean(axis=0) - pixels[1].mean(axis=0))
+        parted = float((away > np.maximum(CERTAIN * np.sqrt(variance), matters * size)).mean())
+    return f"{parted:.0%} of its pixels are others" if parted > 0.25 else ""
