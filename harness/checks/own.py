@@ -7,7 +7,8 @@ samples follow a sequence, a basis of one's own, another distribution with its o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,11 +34,13 @@ TOPICS: Mapping[str, tuple[str, Checks]] = {
 class Checked:
     """What the checks of a library found, in the order in which its functions build on each other.
 
-    `unchecked`: topics that could not be asked, each with the reason.
+    `unchecked`: topics that could not be asked, each with the reason. `shared`: functions of the library that all that
+    failed call, where that is more than one.
     """
 
     findings: tuple[Finding, ...]
     unchecked: tuple[str, ...]
+    shared: tuple[str, ...] = ()
 
     @property
     def failed(self) -> tuple[Finding, ...]:
@@ -79,10 +82,12 @@ def checked(library: Library, topics: Sequence[str] | Mapping[str, object] = tup
     """The checks of these topics on a library, ours or any other. ShaderError where a file of it does not compile."""
     found: list[Finding] = []
     unchecked: list[str] = []
+    texts: dict[str, str] = {}
     probe = probe_of(library)
     for name in topics:
         main, checks = TOPICS[name]
         defined = functions(library.probe(main))
+        texts |= {function: each.text for function, each in defined.items()}
         try:
             found += [_placed(each, defined) for each in checks(probe)]
         except ShaderError as error:
@@ -92,7 +97,14 @@ def checked(library: Library, topics: Sequence[str] | Mapping[str, object] = tup
             unchecked.append(f"{name}: its functions do not fit ({error}); keep the names and the parameters of ours")
         if advance:
             advance(1)
-    return Checked(tuple(found), tuple(unchecked))
+    return Checked(tuple(found), tuple(unchecked), _shared(texts, {each.function for each in found if not each.passed}))
+
+
+def _shared(texts: Mapping[str, str], failed: Set[str]) -> tuple[str, ...]:
+    """The functions that several functions, by their texts, all call."""
+    called = [{name for name in texts if name != function and re.search(rf"\b{name}\s*\(", texts.get(function, ""))}
+              for function in failed]
+    return tuple(sorted(set.intersection(*called))) if len(called) > 1 else ()
 
 
 def _placed(found: Finding, defined: Mapping[str, Function]) -> Finding:

@@ -25,22 +25,24 @@ VERTICES = (Vertex(1.0, 0.0, (0.8, 0.5, 0.2), (0.0, 0.0, 0.0), 0.0),
             Vertex(20.0, 0.0, (0.15, 0.45, 0.18), (0.4, 0.3, 0.4), 0.45))
 ALPHAS = (0.0, 1.0, 10.0, 100.0)
 # Whole light: from everywhere, and more from one side than from the other; what a weight must gather of each.
-LIGHTS = ("an even sky", "a sky that brightens towards +x", "towards +y", "towards the normal")
+LIGHTS = ("an even sky", "a sky that brightens towards +x", "a sky that brightens towards +y",
+          "a sky that brightens towards the normal")
+NAMES = tuple(f"{channel} under {light}" for light in LIGHTS for channel in ("red", "green", "blue"))
 
 
 def findings(probe: Probe) -> Iterator[Finding]:
     """The formula first, then what each strategy gathers of four skies."""
     for alpha in ALPHAS:
-        yield _values(probe, alpha)
+        yield values(probe, alpha)
     for strategy in STRATEGIES:
         for vertex in VERTICES:
             if strategy == "phong" and max(vertex.kd) > 0:
                 continue  # lobe-only sampling never draws most directions of a diffuse term
             for angle in ANGLES:
-                yield _gathered(probe, strategy, replace(vertex, angle=float(np.radians(angle))), angle)
+                yield gathered(probe, strategy, replace(vertex, angle=float(np.radians(angle))), angle)
 
 
-def _values(probe: Probe, alpha: float) -> Finding:
+def values(probe: Probe, alpha: float) -> Finding:
     """f(l, v) over both hemispheres and about the mirror direction, against kd/pi + ks (alpha+1)/(2 pi) cos^alpha."""
     rng = np.random.default_rng(int(alpha))
     v, l = rng.normal(size=(2, VALUES, 3))  # noqa: E741
@@ -67,14 +69,16 @@ def _values(probe: Probe, alpha: float) -> Finding:
                    error=float(bound[clear][row, channel]), function="eval_phong")
 
 
-def _gathered(probe: Probe, strategy: str, vertex: Vertex, angle: float) -> Finding:
+def gathered(probe: Probe, strategy: str, vertex: Vertex, angle: float) -> Finding:
     """The mean of weight times the light from where the direction points, against its integral."""
-    directions, weights = vertex.draw(probe, strategy, DRAWS)
-    gathered = (weights[:, None, :] * _light(directions)[:, :, None]).reshape(DRAWS, -1)
-    found = weight(lambda _: gathered, _expected(vertex).ravel())
-    return replace(found, function="sample_phong", sentence=f"by strategy '{strategy}' {found.sentence}; "
-                   f"kd = {_shown(vertex.kd)}, ks = {_shown(vertex.ks)}, alpha = {vertex.alpha:g}, seen from {angle:g} "
-                   f"degrees; columns: {', '.join(LIGHTS)}, by red, green, blue")
+    directions, weights = vertex.draw(probe, strategy, DRAWS, by_sample=True)
+    lit = (weights[:, None, :] * _light(directions)[:, :, None]).reshape(DRAWS, -1)
+    found = weight(lambda _: lit, _expected(vertex).ravel(), names=NAMES)
+    share = found.value / found.expected if found.expected else np.nan
+    times = f", {share:.4g} times as much" if not found.passed and np.isfinite(share) else ""
+    surface = f"kd = {_shown(vertex.kd)}, ks = {_shown(vertex.ks)}, alpha = {vertex.alpha:g}"
+    sentence = f"strategy '{strategy}': {found.sentence}{times}; {surface}, seen from {angle:g} degrees"
+    return replace(found, function="sample_phong", sentence=sentence)
 
 
 def _light(d: np.ndarray) -> np.ndarray:

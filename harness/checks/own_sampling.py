@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,9 +40,9 @@ def frames_of(probe: Probe) -> Iterator[Finding]:
                   f"({worst})", error=ORTHONORMAL, function="to_world")
 
 
-def findings(probe: Probe) -> Iterator[Finding]:
+def findings(probe: Probe, cases: Sequence[tuple[str, float]] = CASES) -> Iterator[Finding]:
     """Of each sampler and its pdf, by exponent."""
-    for name, alpha in CASES:
+    for name, alpha in cases:
         at = f" at alpha = {alpha:g}" if name == "lobe" else ""
         _, pdf = sampler(probe, name, UP, alpha)
         total = integral(pdf, Crowded(UP), points=ROWS)

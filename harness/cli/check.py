@@ -54,7 +54,7 @@ def check(
     from harness.cli.options import require_memory
     from harness.estimators.shader import Shader, require_known
 
-    given = _values(values or ())
+    given = parse_values(values or ())
     shader = Shader(tuple(files), host, tuple(sorted(given.items())), _contract(contract, files))
     read = shader.read()
     require_known(read)
@@ -168,7 +168,7 @@ def _contract(path: Path | None, files: Sequence[Path]) -> Contract | None:
     return contract_file.load(path, files)
 
 
-def _values(words: Sequence[str]) -> Mapping[str, Any]:
+def parse_values(words: Sequence[str]) -> Mapping[str, Any]:
     """What --set says: numbers, truth values, or a word."""
     given: dict[str, Any] = {}
     for word in words:

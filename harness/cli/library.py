@@ -47,7 +47,8 @@ def library_lines(folder: Path, found: Checked) -> list[str]:
     """What to print: each function that is wrong with its place, in the order in which they build on each other."""
     lines = [f"{each.where or folder}: {each.function}: {each.sentence}" for each in found.failed]
     if len({each.function for each in found.failed}) > 1:
-        lines.append(f"mend {found.failed[0].function} first: the others build on it, and may be wrong by it alone")
+        shared = f"; all of them call {' and '.join(found.shared)}" if found.shared else ""
+        lines.append(f"mend them from the top: one further down may be wrong by one above it alone{shared}")
     lines += [f"not checked: {each}" for each in found.unchecked]
     asked = f"{len(found.findings)} checks of {', '.join(found.functions)}"
     wrong = sum(not each.passed for each in found.findings)
@@ -57,7 +58,7 @@ def library_lines(folder: Path, found: Checked) -> list[str]:
 
 def library_json(folder: Path, found: Checked) -> dict[str, Any]:
     """The same as one object."""
-    return {"library": folder, "passed": not found.failed, "unchecked": found.unchecked,
+    return {"library": folder, "passed": not found.failed, "unchecked": found.unchecked, "shared": found.shared,
             "findings": [{"function": each.function, "where": each.where, "check": each.check, "passed": each.passed,
                           "value": each.value, "expected": each.expected, "p": each.p, "error": each.error,
                           "sentence": each.sentence} for each in found.findings]}

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.options import CacheOption, SetOption, SizeOption, open_scene, open_store, scene_file, scene_hash
+from harness.cli.options import CacheOption, SizeOption, open_scene, open_store, parse_size, scene_file, scene_hash
 from harness.cli.output import JsonOption, log, print_json
-from harness.errors import HarnessError
+
+# Whose film a shader fills that shows no scene.
+SKELETON = "starts/ball"
 
 if TYPE_CHECKING:
     from harness.estimators.base import Estimator
@@ -22,13 +24,15 @@ if TYPE_CHECKING:
 def view(
     what: Annotated[Path, typer.Argument(metavar="SCENE|SHADER", show_default=False,
                                          help="A Mitsuba 3 scene file (.xml), or somebody's shader.")],
-    scene: Annotated[Path | None, typer.Option("--scene", help="The scene that a shader shows: its film, and what "
-                                               "it is held against.")] = None,
+    scene: Annotated[str | None, typer.Option("--scene", help="The scene that a shader shows, a file or the name of a "
+                                              "bundled one: its film, and what it is held against.")] = None,
     strategy: Annotated[str, typer.Option("--strategy", "-s", help="With which strategy to begin.")] = "mixture",
     reference: Annotated[Path | None, typer.Option("--reference", metavar="FILE", help="An .exr file to hold the image "
                                                    "against, in place of Mitsuba's samples in the cache.")] = None,
     size: SizeOption = None,
-    parameters: SetOption = None,
+    values: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help=(
+        "A value for a <default> parameter of the scene, or for a uniform of the shader; may be given several times."))]
+    = None,
     folder: Annotated[Path, typer.Option("--output", "-o", help="Folder for what is saved.")] = Path(),
     cache: CacheOption = True,
     json: JsonOption = False,
@@ -47,7 +51,7 @@ def view(
     from harness.view.session import HELP, Session, Watched
 
     is_scene = what.suffix == ".xml"
-    subject = _tracers(what, strategy, size, parameters) if is_scene else _shader(what, scene, size, parameters)
+    subject = _tracers(what, strategy, size, values) if is_scene else _shader(what, scene, size, values)
     file = subject.scene
     find = _finder(reference, cache) if subject.shown else _nothing
     film = file.film
@@ -91,8 +95,26 @@ def _tracers(path: Path, strategy: str, size: str | None, parameters: list[str] 
     return Subject(tuple(Tracer(name) for name in names), names.index(strategy), file)
 
 
-def _shader(path: Path, scene: Path | None, size: str | None, parameters: list[str] | None) -> Subject:
-    raise HarnessError(f"{path}: only a scene, an .xml file, can be watched so far; `harness gate` judges a shader")
+def _shader(path: Path, scene: str | None, size: str | None, values: list[str] | None) -> Subject:
+    """Somebody's shader, single frames of it, on the film of the scene that it is said to show, or of one of our own
+    size."""
+    from harness.cli.check import parse_values
+    from harness.estimators.shader import Shader
+    from harness.scene import SceneFile
+
+    shader = Shader((path,), values=tuple(sorted(parse_values(values or ()).items())))
+    own = shader.read().size
+    if scene is None:
+        file = SceneFile.bundled(SKELETON)
+    else:
+        file = SceneFile(Path(scene)) if Path(scene).is_file() else SceneFile.bundled(scene)
+    width, height = parse_size(size)
+    if width and height:
+        file = file.sized(width, height)
+    elif own:
+        file = file.sized(*own)
+    shader.check(file)
+    return Subject((shader,), 0, file, scene is not None)
 
 
 def _finder(image: Path | None, cache: bool) -> FindReference:

@@ -68,7 +68,7 @@ def said_version(source: ShaderSource) -> tuple[Language | None, str]:
         return None, ""
     number, es = int(found["number"] or "0"), found["profile"] == "es" or found["number"] == "100"
     at = place(source, found.start())
-    if es and number not in _ES or not es and (not 110 <= number <= 460 or number % 10):
+    if (es and number not in _ES) or (not es and (not 110 <= number <= 460 or number % 10)):
         raise ShaderError(f"{at}: '{found[0].strip()}' is no version of GLSL; write '#version 330 core' or "
                           "'#version 300 es'")
     if es:

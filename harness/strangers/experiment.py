@@ -13,7 +13,7 @@ import numpy as np
 from harness.errors import ShaderError
 from harness.gpu.frames import Moment
 from harness.samples.estimate import luminance
-from harness.shader.contract import Contract, Law
+from harness.shader.contract import Contract
 from harness.strangers import lines
 from harness.strangers.accumulation import FRAMES, judge_accumulation, radiance_of
 from harness.strangers.findings import Accumulation, Finding, Findings
