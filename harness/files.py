@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
@@ -68,6 +68,30 @@ def write_atomically(path: str | Path) -> Iterator[Path]:
             raise
     finally:
         _remove(partial)
+
+
+def create_files(files: Mapping[Path, bytes]) -> None:
+    """Write files where there are none: all of them, or none where one is there already. Missing folders are made.
+
+    HarnessError for a path that is taken, StoreError where one cannot be written.
+    """
+    for path in files:
+        if os.path.lexists(path):
+            raise HarnessError(f"{path}: is there already and is left as it is; choose another name, or move it away")
+    made: list[Path] = []
+    try:
+        for path, content in files.items():
+            target = _writable_target(path)
+            try:
+                with open(target, "xb") as file:  # which fails where another process was faster
+                    made.append(target)
+                    file.write(content)
+            except OSError as error:
+                raise _unwritable(path, error) from error
+    except BaseException:
+        for path in made:
+            _remove(path)
+        raise
 
 
 def require_writable(path: str | Path) -> None:

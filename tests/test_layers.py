@@ -23,7 +23,7 @@ FLOORS = (
     ("checks", "estimators", "strangers"),
     ("work",),
     ("api", "diagnosis", "studies"),
-    ("bench", "course"),
+    ("bench", "course", "view"),
     ("report",),
     ("gates", "grading"),
     ("calibration", "mutants"),
@@ -37,13 +37,13 @@ ONLY = {
     "stats": {"errors", "stats"},
     "samples": {"errors", "files", "samples"},
     "shader": {"errors", "files", "scene", "shader"},
-    "checks": {"checks", "gpu", "samples", "shader"},
+    "checks": {"checks", "errors", "gpu", "samples", "shader"},
     "gpu": {"errors", "files", "gpu", "samples", "scene", "shader"},
     "reference": {"errors", "files", "machine", "reference", "samples", "scene"},
     "report": {"errors", "files", "metrics", "report", "results", "samples", "scene", "stats", "studies"},
 }
 # Who may import a package at all.
-PACKAGES = {"moderngl": {"gpu"}, "mitsuba": {"machine", "reference", "scene"},
+PACKAGES = {"moderngl": {"gpu"}, "moderngl_window": {"gpu"}, "mitsuba": {"machine", "reference", "scene"},
             "drjit": {"machine", "reference", "scene"}}
 # Who may say the name of a renderer, besides the room that it stands in: all others open estimators.
 OPENERS = {"gpu", "reference", "estimators"}

@@ -66,3 +66,5 @@ class Finding:
     p: float | None = None
     error: float | None = None
     histogram: Histogram | None = None
+    function: str = ""
+    where: str = ""

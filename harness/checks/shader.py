@@ -83,10 +83,12 @@ class Vertex:
         """∫ f cos over the hemisphere, (3,)."""
         return np.array(self.kd) + np.array(self.ks) * lobe_albedo(self.alpha, self.angle)
 
-    def draw(self, probe: Probe, strategy: str, count: int, replica: int = 1) -> tuple[np.ndarray, np.ndarray]:
-        """Directions and weights, (count, 3) both, that the estimator goes on with by one of STRATEGIES."""
+    def draw(self, probe: Probe, strategy: str, count: int, replica: int = 1, *,
+             by_sample: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Directions and weights, (count, 3) both, that the estimator goes on with by one of STRATEGIES: of as many
+        pixels, or `by_sample` of as many samples of one, whose mean is right also where pixels share a sequence."""
         defines = {"STRATEGY": STRATEGIES.index(strategy), "HAS_DIFFUSE": int(max(self.kd) > 0),
-                   "HAS_GLOSSY": int(max(self.ks) > 0)}
+                   "HAS_GLOSSY": int(max(self.ks) > 0), "ROWS_ARE_SAMPLES": int(by_sample)}
         viewer = _rows(count, (*self.viewer, 0.0))
         found = probe("phong.frag", _rows(count, (0.0, 0.0, 1.0, 0.0)), viewer, viewer, outputs=3, defines=defines,
                       uniforms={"kd": self.kd, "ks": self.ks, "alpha": self.alpha, "p_glossy": self.share,

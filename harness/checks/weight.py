@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +16,14 @@ ROUNDING = 2e-5
 
 
 def weight(draw: Callable[[np.ndarray], np.ndarray], expected: ArrayLike, *, count: int = COUNT, level: float = LEVEL,
-           rounding: float = ROUNDING, seed: int = 0) -> Finding:
+           rounding: float = ROUNDING, seed: int = 0, names: Sequence[str] = ()) -> Finding:
     """Judge E[f cos / pdf] against ∫ f cos, as `quadrature` or a closed form has it.
 
     `draw` takes uniform numbers (N, 2), or draws its own, and returns weights (N,) or, by channel, (N, C); `expected`:
     a number or (C,). It joins sampler and pdf: a pdf that is wrong by a factor, or directions that do not follow it,
     move the mean. `value` and `expected` are those of the channel that is most standard errors off; `p` is its chance,
-    which is held against the channel's share of `level`. Weights that are not finite fail.
+    which is held against the channel's share of `level`. Weights that are not finite fail. `names`: what the sentence
+    calls the channels, in place of their numbers.
     """
     drawn = np.asarray(draw(np.random.default_rng(seed).random((count, 2), dtype=np.float32)), dtype=np.float64)
     weights = drawn.reshape(len(drawn), -1)
@@ -35,7 +36,7 @@ def weight(draw: Callable[[np.ndarray], np.ndarray], expected: ArrayLike, *, cou
     channel = int(off.argmax())
     p = float(2 * special.ndtr(-off[channel]))
     passed = p > shared_level(level, len(off))
-    of = f" of channel {channel}" if len(off) > 1 else ""
+    of = f" of {names[channel] if names else f'channel {channel}'}" if len(off) > 1 else ""
     sentence = (f"the mean weight{of} is {mean[channel]:.6g} ± {error[channel]:.2g}, expected {exact[channel]:.6g}, "
                 f"p = {p:.2g}")
     return Finding("weight", float(mean[channel]), float(exact[channel]), passed, sentence, p=p)

@@ -19,7 +19,7 @@ def build(commands: Mapping[str, str]) -> typer.Typer:
     )
     app.callback(invoke_without_command=True)(_root)
     for name, module in commands.items():
-        app.command(name)(getattr(importlib.import_module(f"harness.cli.{module}"), name))
+        app.command(name)(getattr(importlib.import_module(f"harness.cli.{module}"), name.replace("-", "_")))
     return app
 
 

@@ -51,15 +51,21 @@ def context() -> moderngl.Context:
             raise MachineError(
                 f"no headless OpenGL 4.3: {' '.join(str(error).split())}; on Debian or Ubuntu type: "
                 "apt-get install -y libegl1 libgl1-mesa-dri") from None
-        _local.device = Device.of(created.info)
-        if _local.device.compiles_twice:
-            _halve_compilation(created)
-        _local.owner, _local.context = os.getpid(), created
+        adopt(created)
     elif owner != os.getpid():
         raise MachineError("a forked process cannot use its parent's GL context; start workers with the "
                            "multiprocessing method 'spawn' or 'forkserver'")
     found: moderngl.Context = _local.context
     return found
+
+
+def adopt(created: moderngl.Context) -> None:
+    """Make a context this thread's, in which all is drawn from now on: a window's, say. GL objects of an earlier one
+    must not be used any more."""
+    _local.device = Device.of(created.info)
+    if _local.device.compiles_twice:
+        _halve_compilation(created)
+    _local.owner, _local.context = os.getpid(), created
 
 
 def _chosen() -> int:

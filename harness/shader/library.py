@@ -85,7 +85,7 @@ class Library:
     def digest(self) -> str:
         """16 hexadecimal digits over all of its text, whether a scene has a use for it or not."""
         whole = hashlib.sha256(repr((self.main, self.defines)).encode())
-        texts = {name: text for name, text in _ours().items() if not name.startswith("probes/")}
+        texts = {name: text for name, text in _ours().items() if not name.startswith(("probes/", "starts/"))}
         for name, text in sorted((texts | self._texts()).items()):
             whole.update(f"{name}\0{text}\0".encode())
         return whole.hexdigest()[:16]
