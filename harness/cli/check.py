@@ -23,6 +23,8 @@ FilesArgument = Annotated[list[Path], typer.Argument(help="The shader's files, o
 ValueOption = Annotated[list[str] | None, typer.Option(
     "--set", metavar="NAME=VALUE", help="What a uniform is: a number, several with commas, a role (frame, time, …), or "
                                         "what a sampler reads (self, noise, file:PATH); may be given several times.")]
+CausesOption = Annotated[bool, typer.Option("--causes/--no-causes", help="Look for the cause of a picture that is wrong; "
+                                            "the first time on a scene takes a minute or two.")]
 
 
 def check(
@@ -37,8 +39,7 @@ def check(
     budget: Annotated[float, typer.Option("--budget", min=0.5, max=86400.0, help="Seconds for its frames.")] = 60.0,
     tolerance: Annotated[float | None, typer.Option("--tolerance", min=1e-9, max=1.0, show_default=False, help=(
         "Bias, relative to the mean, that still counts as equivalent."))] = None,
-    causes: Annotated[bool, typer.Option("--causes/--no-causes", help="Look for the cause of a picture that is wrong; "
-                                         "the first time on a scene takes a minute or two.")] = True,
+    causes: CausesOption = True,
     cache: CacheOption = True,
     device: DeviceOption = None,
     json: JsonOption = False,

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from harness.cli.check import ValueOption
+from harness.cli.check import CausesOption, ValueOption
 from harness.cli.options import CacheOption, SizeOption, open_store, parse_size
 from harness.cli.output import JsonOption, print_json, print_rich, progress
 
@@ -31,6 +31,7 @@ def grade(
     budget: Annotated[float, typer.Option("--budget", min=0.5, max=86400.0, help="Seconds for each's frames.")] = 20.0,
     tolerance: Annotated[float | None, typer.Option("--tolerance", min=1e-9, max=1.0, show_default=False, help=(
         "Bias, relative to the mean, that still counts as equivalent."))] = None,
+    causes: CausesOption = True,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=64, help="Processes; one a core if not given.")]
     = os.cpu_count() or 1,
     cache: CacheOption = True,
@@ -55,7 +56,7 @@ def grade(
     store, (width, height) = open_store(cache), parse_size(size)
     given = tuple(sorted(parse_values(values or ()).items()))
     task = Task(scene_file(scene), host, given, (width, height) if width and height else None, budget, tolerance,
-                store.root if store else None)
+                store.root if store else None, causes)
     grades = grade_all(found, task, jobs=min(jobs, len(found)), progress=progress)
     for name, content in sheets(grades, scene=task.scene.name, hints=hints, points=points).items():
         with write_atomically(output / name) as partial:

@@ -36,7 +36,8 @@ LEAST_DIFFERENCE = 0.02
 
 @dataclass(frozen=True)
 class Task:
-    """What a submission is judged on: the scene, `values` of its uniforms, seconds for its frames, the tolerance."""
+    """What a submission is judged on: the scene, `values` of its uniforms, seconds for its frames, the tolerance, and
+    whether causes are looked for."""
 
     scene: SceneFile
     host: str | None = None
@@ -45,6 +46,7 @@ class Task:
     budget: float = 20.0
     tolerance: float | None = None
     store: Path | None = None
+    causes: bool = True
 
 
 def grade(submissions: Sequence[Submission], task: Task, *, jobs: int = 1, progress: Progress = quiet) -> list[Graded]:
@@ -71,7 +73,7 @@ def graded_alone(task: Task, submission: Submission) -> Graded:
     try:
         scene = sized(task.scene, task.size or shader.read().size)
         checked = check_shader(shader, scene, store=Store(task.store) if task.store else None, budget=task.budget,
-                               tolerance=task.tolerance)
+                               tolerance=task.tolerance, causes=task.causes)
         graded = _graded(submission.name, names, checked, scene)
     except (MachineError, StoreError):
         raise
