@@ -23,7 +23,7 @@ FilesArgument = Annotated[list[Path], typer.Argument(help="The shader's files, o
 ValueOption = Annotated[list[str] | None, typer.Option(
     "--set", metavar="NAME=VALUE", help="What a uniform is: a number, several with commas, a role (frame, time, …), or "
                                         "what a sampler reads (self, noise, file:PATH); may be given several times.")]
-CausesOption = Annotated[bool, typer.Option("--causes/--no-causes", help="Look for the cause of a picture that is wrong; "
+CausesOption = Annotated[bool, typer.Option("--causes/--no-causes", help="Look for the cause of what is wrong; "
                                             "the first time on a scene takes a minute or two.")]
 
 
