@@ -87,9 +87,10 @@ def graded_alone(task: Task, submission: Submission) -> Graded:
 def _graded(name: str, files: tuple[str, ...], checked: Checked, scene: SceneFile) -> Graded:
     found, judged = checked.found, checked.judged
     own = [fault for fault in found.faults if fault.part != "accumulation"]
-    averaged = found.accumulation.outcome != "fail"
+    lost = _averaging(checked)
     parts = (Part("it runs", RUNS, 0.0 if own and judged is None else 1.0, _first(own) or "it does"),
-             Part("frames are averaged", AVERAGES, float(averaged), found.accumulation.told), _picture(judged, own))
+             Part("frames are averaged", AVERAGES, float(not lost), lost or found.accumulation.told),
+             _picture(judged, own))
     outcome: Outcome = "fail" if judged is None or found.faults else _outcome(judged)
     sentence = _sentence(checked)
     common = Graded(name, files, outcome, sentence, parts, findings=tuple(_hinted(one) for one in found.found),
@@ -118,6 +119,14 @@ def _cause(checked: Checked) -> tuple[str, str]:
     return f"look at: {', '.join(families)}", diagnosis.sentence + proof
 
 
+def _averaging(checked: Checked) -> str:
+    """What is wrong with how frames are joined; nothing where all is well."""
+    found = checked.found
+    if found.accumulation.outcome == "fail":
+        return found.accumulation.told
+    return _first([fault for fault in found.faults if fault.part == "accumulation"])
+
+
 def _picture(judged: Judged | None, faults: Sequence[Finding]) -> Part:
     title = "the picture is right"
     if judged is None:
@@ -134,7 +143,7 @@ def _outcome(judged: Judged) -> Outcome:
 def _sentence(checked: Checked) -> str:
     """The verdict in a sentence that tells neither place nor cause."""
     found, judged = checked.found, checked.judged
-    wrong = [] if found.accumulation.outcome != "fail" else [found.accumulation.told]
+    wrong = [lost] if (lost := _averaging(checked)) else []
     wrong += [fault.told for fault in found.faults if fault.part != "accumulation"][:1]
     if judged is not None and judged.outcome != "pass":
         error, low, high = judged.verdict.luminance
