@@ -40,6 +40,8 @@ def check(
     budget: Annotated[float, typer.Option("--budget", min=0.5, max=86400.0, help="Seconds for its frames.")] = 60.0,
     tolerance: Annotated[float | None, typer.Option("--tolerance", min=1e-9, max=1.0, show_default=False, help=(
         "Bias, relative to the mean, that still counts as equivalent."))] = None,
+    spp: Annotated[int | None, typer.Option("--reference-spp", min=64, max=1 << 20, show_default=False, help=(
+        "Samples per pixel of the reference, instead of what the film needs."))] = None,
     cache: CacheOption = True,
     device: DeviceOption = None,
     json: JsonOption = False,
@@ -68,7 +70,7 @@ def check(
         from harness.diagnosis.stranger import judge_stranger
 
         judged = judge_stranger(_completed(shader, found), file, store=open_store(cache), budget=budget,
-                                tolerance=tolerance, encoding=found.encoding, progress=progress)
+                                tolerance=tolerance, encoding=found.encoding, spp=spp, progress=progress)
         # Here the causes are asked for, of a verdict that no transform explains: judged.found against judged.reference
         # on judged.scene (harness.diagnosis.causes).
     if json:

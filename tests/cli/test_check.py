@@ -51,7 +51,8 @@ class TestWithScene:
     """The verdict against Mitsuba."""
 
     def test_passes_what_is_right(self, harness: Harness, sky: Path, sky_shader: str) -> None:
-        done = harness("check", sky_shader, "--scene", sky, "--size", "16x12", "--budget", 5, "--tolerance", 0.01)
+        done = harness("check", sky_shader, "--scene", sky, "--size", "16x12", "--budget", 3, "--tolerance", 0.01,
+                       "--reference-spp", 64)
         assert done.status == 0, done.out + done.err
         assert "estimator: pass" in done.out
         assert "slope" in done.out and "worst tile" in done.out
@@ -59,7 +60,7 @@ class TestWithScene:
     def test_fails_what_is_wrong(self, harness: Harness) -> None:
         Path("ball.xml").write_text(SCENE, encoding="utf-8")
         done = harness("check", written(body(COSINE_TWICE)), "--scene", "ball.xml", "--budget", 2, "--tolerance", 0.01,
-                       "--size", "8x8", "--json")
+                       "--size", "8x8", "--json", "--reference-spp", 1024)
         assert done.status == 1
         assert done.json["findings"] == []  # its averaging and its numbers are right: it is what a frame computes
         assert done.json["accumulation"]["outcome"] == "pass"
@@ -86,7 +87,8 @@ class TestRefusals:
         assert "shader.frag:" in refusal(harness("check", written(body().replace("s, 1.0)", "colour, 1.0)"))))
 
     def test_ask_for_uniforms_by_name_and_take_what_is_said(self, harness: Harness) -> None:
-        name = written("#version 330 core\nuniform sampler2D prev; uniform float wavelength; uniform int frame;\n"
-                       "out vec4 c;\nvoid main() { c = texelFetch(prev, ivec2(gl_FragCoord.xy), 0) + vec4(wavelength); }")
+        name = written("#version 330 core\nuniform sampler2D prev; uniform float wavelength;\nuniform int frame; "
+                       "out vec4 c;\nvoid main() { c = texelFetch(prev, ivec2(gl_FragCoord.xy), 0) + "
+                       "vec4(wavelength); }")
         assert "--set wavelength=VALUE" in refusal(harness("check", name))
         assert harness("check", name, "--set", "wavelength=0.5", "--size", "16x12").status in (0, 1)
