@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -28,6 +29,8 @@ MARGIN = 8.0
 # Where no picture fits, the nearest is told if it takes off at least this part of what the right one's χ² has too much.
 MUCH_NEARER = 0.7
 TOLD = 3
+# So many of the likeliest defects are tested for being the same picture; what comes after them is not.
+TESTED = 40
 
 
 def diagnose(scene: SceneFile, found: Estimate, reference: Estimate, *, store: Store | None = None,
@@ -88,7 +91,7 @@ def _ranking(small: Seen, small_right: Seen, seen: Seen, right: Seen, pictures: 
     scored = sorted((item for item in scored if item[1].defects), key=lambda item: -item[0])
     for score, candidate, picture in scored:
         defect = candidate.defects[0]
-        result = fit(small, picture, mask)
+        result = fit(small, picture, mask) if len(ranking) < TESTED else Fit(math.nan, score, 0.0, False)
         cause = Cause("defect", defect.id, defect.says, defect.family, defect.formula, result.chi2, result.same, 0.0,
                       tuple(other.id for other in candidate.defects[1:]))
         ranking.append(_Ranked(cause, score - base, result, picture))
