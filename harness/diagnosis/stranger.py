@@ -41,6 +41,8 @@ BATCHES, SHARES = 64, (8, 4, 2, 1)
 LEAST_RUN, MOST_RUN = 4, 2048
 # Frames by which the time of one is measured.
 TIMED_FRAMES = 4
+# A machine may become slower than it was: when so many times the budget has passed, no further look is begun.
+OVERDUE = 1.5
 # Relative errors that float32 sums of exact answers have.
 ROUNDING = 1e-4
 # Lights that nothing hits, so that only `path` finds them.
@@ -181,12 +183,13 @@ def _drawn(shader: Shader, scene: SceneFile, held: Reference, tolerance: Toleran
     counts = [BATCHES // share for share in SHARES]
     looking = Looking(Looks(tuple(shader.run * count for count in counts)), tolerance, FALSE_ALARMS)
     images: list[np.ndarray] = []
+    began = time.perf_counter()
     with shader.open(scene) as renderer, progress(BATCHES * shader.run, shader.name) as advance:
         for look, count in enumerate(counts):
             while len(images) < count:
                 images.append(renderer.render_batch(len(images), 0, shader.run, advance).mean)
             verdict = looking.decide(look, samples_of(np.stack(images), shader.run), held.run.tiles())
-            if verdict.outcome != "inconclusive":
+            if verdict.outcome != "inconclusive" or time.perf_counter() - began > OVERDUE * budget:
                 break
     return np.stack(images).astype(np.float64), verdict
 
@@ -267,6 +270,8 @@ def told(judged: Judged) -> list[str]:
              f"{worst.channel} {worst.error:+.2%} ({worst.low:+.2%} to {worst.high:+.2%})"]
     if judged.transform:
         lines.append(judged.transform)
+    if judged.outcome == "inconclusive":
+        lines.append("more frames would decide: give a larger --budget, or a wider --tolerance")
     if judged.note:
         lines.append(f"note: {judged.note}")
     return lines

@@ -49,9 +49,9 @@ class Limits:
     driver takes.
     """
 
-    first: float = 60.0
+    first: float = 20.0
     factor: float = 20.0
-    least: float = 10.0
+    least: float = 5.0
     patience: float = 4.0
     memory: int = 4 << 30
     threads: int = os.cpu_count() or 1
