@@ -44,7 +44,7 @@ def test_renders_batches_of_single_frames(ball: SceneFile, tmp_path: Path, text:
     assert np.allclose(again.mean, np.mean(halves, axis=0), atol=1e-6)
     assert not np.array_equal(again.mean, other.mean)
     assert again.samples == 4 and again.rejected == 0 and again.cost.seconds > 0
-    # Row 0 is the top one: the ball, which is darker than the sky, lies above the middle. It is as bright as its albedo.
+    # Row 0 is the top one: the ball, darker than the sky and as bright as its albedo, lies above the middle.
     assert estimate.mean[:8].mean() < estimate.mean[8:].mean() - 0.01
     assert estimate.mean[0, 0] == pytest.approx(1.0)
     assert estimate.mean[7, 8] == pytest.approx([0.6, 0.5, 0.4], abs=0.12)
