@@ -39,7 +39,11 @@ def check(
     budget: Annotated[float, typer.Option("--budget", min=0.5, max=86400.0, help="Seconds for its frames.")] = 60.0,
     tolerance: Annotated[float | None, typer.Option("--tolerance", min=1e-9, max=1.0, show_default=False, help=(
         "Bias, relative to the mean, that still counts as equivalent."))] = None,
+    spp: Annotated[int | None, typer.Option("--reference-spp", min=64, max=1 << 20, show_default=False, help=(
+        "Samples per pixel of the reference, instead of what the film needs."))] = None,
     causes: CausesOption = True,
+    keep: Annotated[Path | None, typer.Option("--keep-contract", metavar="FILE", help="Write what was found out of how "
+                                              "it is to be run as a contract.toml, which may be edited.")] = None,
     cache: CacheOption = True,
     device: DeviceOption = None,
     json: JsonOption = False,
@@ -64,15 +68,19 @@ def check(
     if file is not None:
         require_memory(file)
     checked = check_shader(shader, file, size=asked if file is None else None,
-                           store=open_store(cache), budget=budget, tolerance=tolerance, causes=causes,
+                           store=open_store(cache), budget=budget, tolerance=tolerance, spp=spp, causes=causes,
                            progress=progress)
+    if keep is not None:
+        from harness.shader import contract_file
+
+        contract_file.save(checked.found.contract, keep)
     if json:
         print_json(as_json(checked))
     else:
         for line in lines(checked):
             print(line)
     if file is None and not json:
-        log("note: give --scene SCENE to have its picture judged too")
+        log("note: give --scene SCENE to have its picture judged too; `harness new-scene NAME` writes one to fill in")
     return 0 if checked.is_right else 1
 
 
@@ -82,6 +90,8 @@ def lines(checked: Checked) -> list[str]:
     told = [_paragraph(found)]
     told += [f"{one.severity}: {one.where + ': ' if one.where else ''}{one.told}" for one in found.found]
     told.append(f"accumulation: {found.accumulation.outcome}: {found.accumulation.told}")
+    if checked.hopeless:
+        told.append(f"estimator: not judged: {checked.hopeless}")
     if judged is not None:
         from harness.diagnosis.stranger import told as of
 
