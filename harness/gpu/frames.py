@@ -32,6 +32,8 @@ _INTEGERS = "iI"
 # Characters of a compiler's message, and of the line that it is about, that are shown.
 MOST = 200
 _ERROR = re.compile(r"error: (.*)")
+# What no text compiles with, and still is read to its end.
+_UNDECLARED = "\nvoid harness_fails_() { harness_undeclared_ = 1.0; }\n"
 _UNSET = re.compile(r"^\d+:(\d+)\(\d+\): warning: `(\w+)' used uninitialized", re.MULTILINE)
 
 
@@ -274,7 +276,7 @@ def unset_variables(one: ShaderPass) -> list[tuple[str, str]]:
     """
     gl = context()
     try:
-        gl.program(vertex_shader=one.vertex, fragment_shader=f"{one.source.text}\nthis does not compile").release()
+        gl.program(vertex_shader=one.vertex, fragment_shader=f"{one.source.text}{_UNDECLARED}").release()
     except (moderngl.Error, UnicodeError, KeyError, ValueError) as error:
         found = _UNSET.findall(_log(str(error)))
         offset = _line_offset(gl)

@@ -83,7 +83,7 @@ def _of_weights(weights: np.ndarray, factor: float) -> Accumulation:
                 "frames")
     elif abs(weights[-1]) > 0.95 and np.abs(weights[:-1]).max() < 0.05:
         told = "only the last frame is left: the past is lost"
-    elif frames > 3 and np.abs(weights[1:-1] / weights[2:] - weights[-2] / weights[-1]).max() < UNEVEN:
+    elif _fades(weights):
         effective = float(weights.sum()**2 / (weights**2).sum())
         told = f"old frames fade, so it never converges: it keeps the noise of about {effective:.3g} frames"
     else:
@@ -91,6 +91,14 @@ def _of_weights(weights: np.ndarray, factor: float) -> Accumulation:
         told = (f"frame {worst} counts {fair[worst] / float(np.median(fair)):.3g} times as much as the others, all "
                 f"together {total:.4g} instead of 1")
     return Accumulation("fail", told, frames, True, weights, factor)
+
+
+def _fades(weights: np.ndarray) -> bool:
+    """Whether each frame counts the same part of the next."""
+    if not (np.abs(weights) > 0).all() or len(weights) < 4:
+        return False
+    ratios = weights[1:-1] / weights[2:]
+    return bool(np.ptp(ratios) < UNEVEN and ratios.max() < 1 - UNEVEN)
 
 
 def _of_noise(whole: np.ndarray, each: np.ndarray, factor: float, residual: float) -> Accumulation:

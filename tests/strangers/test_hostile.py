@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,13 +16,6 @@ from tests.strangers.hostile import HOSTILE, SUM, Hostile, body
 SIZE = (16, 12)
 # Those whose process has to go need not be waited for.
 SHORT = Limits(first=2.0, least=1.0, memory=1 << 30, threads=1)
-
-
-@pytest.fixture(scope="module")
-def process() -> Iterator[Process]:
-    """One child for all that leave it alive."""
-    with Process(Limits(memory=1 << 30)) as process:
-        yield process
 
 
 def sentences(hostile: Hostile, folder: Path, process: Process) -> list[str]:
