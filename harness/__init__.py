@@ -14,7 +14,7 @@ _HOMES = {
     "Command": "harness.estimators.command", "Constant": "harness.estimators.constant",
     "Coupled": "harness.estimators.coupled",
     "Images": "harness.estimators.images", "Mitsuba": "harness.estimators.mitsuba",
-    "Tracer": "harness.estimators.tracer",
+    "Shader": "harness.estimators.shader", "Tracer": "harness.estimators.tracer",
     "Library": "harness.shader.library",
     "Scene": "harness.scene", "SceneFile": "harness.scene", "load_scene": "harness.scene",
     "Store": "harness.samples.store",

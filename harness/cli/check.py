@@ -40,6 +40,8 @@ def check(
     budget: Annotated[float, typer.Option("--budget", min=0.5, max=86400.0, help="Seconds for its frames.")] = 60.0,
     tolerance: Annotated[float | None, typer.Option("--tolerance", min=1e-9, max=1.0, show_default=False, help=(
         "Bias, relative to the mean, that still counts as equivalent."))] = None,
+    spp: Annotated[int | None, typer.Option("--reference-spp", min=64, max=1 << 20, show_default=False, help=(
+        "Samples per pixel of the reference, instead of what the film needs."))] = None,
     cache: CacheOption = True,
     device: DeviceOption = None,
     json: JsonOption = False,
@@ -64,11 +66,11 @@ def check(
         shader.check(file)
     found = _experiments(shader, read, file, size)
     judged = None
-    if file is not None and not _hopeless(found):
+    if file is not None and not (hopeless := _hopeless(found)):
         from harness.diagnosis.stranger import judge_stranger
 
         judged = judge_stranger(_completed(shader, found), file, store=open_store(cache), budget=budget,
-                                tolerance=tolerance, encoding=found.encoding, progress=progress)
+                                tolerance=tolerance, encoding=found.encoding, spp=spp, progress=progress)
         # Here the causes are asked for, of a verdict that no transform explains: judged.found against judged.reference
         # on judged.scene (harness.diagnosis.causes).
     if json:
@@ -76,6 +78,8 @@ def check(
     else:
         for line in lines(found, judged):
             print(line)
+        if file is not None and hopeless:
+            print(f"estimator: not judged: {hopeless}")
     if file is None and not json:
         log("note: give --scene SCENE to have its picture judged too")
     return 1 if found.faults or (judged is not None and judged.outcome != "pass") else 0
@@ -141,11 +145,13 @@ def _completed(shader: Shader, found: Findings) -> Shader:
     return replace(shader, contract=found.contract)
 
 
-def _hopeless(found: Findings) -> bool:
-    """Whether there is nothing to hold against a reference."""
+def _hopeless(found: Findings) -> str:
+    """Why there is nothing to hold against a reference; empty where there is."""
     from harness.strangers.experiment import HOPELESS
 
-    return any(found.has(kind) for kind in HOPELESS)
+    if found.law.kind == "other":
+        return "what a frame adds cannot be told from its past"
+    return "its frames show nothing" if any(found.has(kind) for kind in HOPELESS) else ""
 
 
 def _scene(word: str, size: str | None, read: Contract) -> SceneFile:

@@ -52,37 +52,59 @@ def preprocess(text: str, defines: Mapping[str, str] | None = None) -> Preproces
     A condition that cannot be evaluated holds: nothing is hidden for a reason that nobody understands.
     """
     macros = dict(defines or {})
-    stack: list[tuple[bool, bool]] = []  # of each open #if: its lines are kept; one of its branches was taken
+    branches = _Branches()
     output: list[str] = []
     done = 0
     for match in _DIRECTIVE.finditer(text):
-        kept = all(now for now, _ in stack)
         piece = text[done:match.start()]
-        output += [piece if kept else hidden(piece), hidden(match[0])]
+        output += [piece if branches.kept else hidden(piece), hidden(match[0])]
         done = match.end()
-        _obey(match["word"], match["rest"].replace("\\\r\n", " ").replace("\\\n", " "), macros, stack, kept)
+        _obey(match["word"], match["rest"].replace("\\\r\n", " ").replace("\\\n", " "), macros, branches)
     rest = text[done:]
-    output.append(rest if all(now for now, _ in stack) else hidden(rest))
+    output.append(rest if branches.kept else hidden(rest))
     return Preprocessed("".join(output), macros)
 
 
-def _obey(word: str, rest: str, macros: dict[str, str], stack: list[tuple[bool, bool]], kept: bool) -> None:
+class _Branches:
+    """The conditions that are open."""
+
+    def __init__(self) -> None:
+        self._stack: list[tuple[bool, bool]] = []  # of each: its lines are kept; one of its branches was taken
+        self._left_out = 0
+
+    @property
+    def kept(self) -> bool:
+        """Whether all of them hold."""
+        return not self._left_out
+
+    def open(self, holds: bool) -> None:
+        self._stack.append((holds, holds))
+        self._left_out += not holds
+
+    def otherwise(self, holds: Callable[[], bool]) -> None:
+        """The next branch of the innermost one."""
+        if self._stack:
+            before, taken = self._stack[-1]
+            now = not taken and holds()
+            self._stack[-1] = now, taken or now
+            self._left_out += before - now
+
+    def close(self) -> None:
+        if self._stack:
+            self._left_out -= not self._stack.pop()[0]
+
+
+def _obey(word: str, rest: str, macros: dict[str, str], branches: _Branches) -> None:
     if word in ("if", "ifdef", "ifndef"):
         name = rest.split()[0] if rest.split() else ""
-        holds = {"ifdef": lambda: _is_defined(name, macros), "ifndef": lambda: not _is_defined(name, macros),
-                 "if": lambda: _holds(rest, macros)}[word]()
-        stack.append((holds, holds))
-    elif word == "elif" and stack:
-        taken = stack[-1][1]
-        holds = not taken and _holds(rest, macros)
-        stack[-1] = (holds, taken or holds)
-    elif word == "else" and stack:
-        stack[-1] = (not stack[-1][1], True)
-    elif word == "endif" and stack:
-        stack.pop()
-    elif word == "define" and kept and (found := _DEFINE.match(rest)):
+        branches.open(_holds(rest, macros) if word == "if" else _is_defined(name, macros) == (word == "ifdef"))
+    elif word in ("elif", "else"):
+        branches.otherwise(lambda: word == "else" or _holds(rest, macros))
+    elif word == "endif":
+        branches.close()
+    elif word == "define" and branches.kept and (found := _DEFINE.match(rest)):
         macros[found[1] + ("(" if found[2] else "")] = found[3].strip()
-    elif word == "undef" and kept and rest.split():
+    elif word == "undef" and branches.kept and rest.split():
         macros.pop(rest.split()[0], None)
         macros.pop(rest.split()[0] + "(", None)
 

@@ -16,7 +16,7 @@ from harness.shader.source import ShaderSource
 PRECISIONS = frozenset({"highp", "mediump", "lowp"})
 _QUALIFIERS = PRECISIONS | {"flat", "smooth", "noperspective", "centroid", "invariant", "precise", "coherent",
                             "volatile", "restrict", "readonly", "writeonly"}
-SCALARS = frozenset({"float", "int", "uint", "bool", "double"})
+MAX_PARTS = 512
 _BASIC = re.compile(r"(?:float|int|uint|bool|double|[iubd]?vec[234]|mat[234](?:x[234])?|[iu]?sampler\w+|[iu]?image\w+|"
                     r"atomic_uint)$")
 
@@ -165,11 +165,17 @@ class _Statement:
                 part._at += 1
             kind = part._type()
             members += [(kind, member, size) for member, size, _, _ in part._declarators()]
-        if name:
-            self._structures[name] = members
-        self._structures[""] = members
+        # Nobody writes structures within structures of more members than this; their uniforms stay whole.
+        self._structures[name] = members if sum(self._parts(kind) for kind, _, _ in members) <= MAX_PARTS else []
         if self._text() != ";":
             self._names(found, storage, name, "", False)
+
+    def _parts(self, kind: str) -> int:
+        """The members of a structure, with those of the structures within it and itself; 1 of any other type."""
+        if kind not in self._structures:
+            return 1
+        members = self._structures[kind]
+        return 1 + sum(self._parts(inner) for inner, _, _ in members) if members else MAX_PARTS
 
     def _declarators(self) -> Iterator[tuple[str, int, bool, Token]]:
         """(name, size, whether it has a value, its token) of each name that follows."""
@@ -199,7 +205,7 @@ class _Statement:
 
     def _members(self, kind: str, name: str, where: str, size: int, initialised: bool) -> Iterator[Declared]:
         """One uniform, or the members of one that is a structure."""
-        if _BASIC.match(kind) or kind not in self._structures or size:
+        if _BASIC.match(kind) or not self._structures.get(kind) or size:
             yield Declared(name, kind or "struct", where, max(size, 0) or (1 if size else 0), initialised)
             return
         for inner, member, count in self._structures[kind]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from harness.errors import ShaderError
 
-MAX_BYTES = 8 << 20  # the longest public shader that was seen has 0.3 MB
+MAX_BYTES = 8 << 20  # pages and exports hold more than a shader
 
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF32_BE, "utf-32"),
           (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))

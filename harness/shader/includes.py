@@ -9,9 +9,12 @@ from pathlib import Path
 
 from harness.errors import ShaderError
 from harness.shader.conditionals import preprocess
-from harness.shader.decoding import MAX_BYTES, decoded
+from harness.shader.decoding import decoded
 from harness.shader.lexer import hidden, without_comments
 from harness.shader.source import LINE_STRIDE, ShaderSource
+
+# A page of 8 MB may hold a shader, but no shader has so much text: the longest public one that was seen has 0.3 MB.
+MAX_CHARACTERS = 1 << 20
 
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include\b[ \t]*(?P<what>[^\n]*)', re.MULTILINE)
 _QUOTED = re.compile(r'"([^"]*)"\s*$')
@@ -60,9 +63,9 @@ class _Join:
         self.files.append((name, shown or text))
         self.size += len(text)
         number = len(self.files)
-        if self.size > MAX_BYTES:
-            raise ShaderError(f"{name}:1: with its includes the shader has more than {MAX_BYTES >> 20} MB; a shader is "
-                              "a few thousand lines, take tables of data out of it")
+        if self.size > MAX_CHARACTERS:
+            raise ShaderError(f"{name}:1: the shader, with its includes, has more than {MAX_CHARACTERS >> 20} million "
+                              "characters; a shader has some thousand lines, take tables of data out of it")
         bare = _LINE.sub(lambda found: hidden(found[0]), without_comments(text, name))
         self._number(number, 1)
         done = 0

@@ -17,6 +17,8 @@ for _n in "234":
     ZEROS |= {f"vec{_n}": f"vec{_n}(0.0)", f"ivec{_n}": f"ivec{_n}(0)", f"uvec{_n}": f"uvec{_n}(0u)",
               f"bvec{_n}": f"bvec{_n}(false)", f"mat{_n}": f"mat{_n}(0.0)"}
     ZEROS |= {f"mat{_n}x{_m}": f"mat{_n}x{_m}(0.0)" for _m in "234"}
+# Of a structure, with those of the structures within it; and of an array of arrays.
+MAX_PARTS, MAX_SIZES = 512, 8
 # What begins a declaration that needs no zero, or must not have one. An `out` of the shader is told apart.
 _OTHERS = frozenset({"const", "uniform", "in", "inout", "varying", "attribute", "buffer", "shared", "layout",
                      "precision", "return", "invariant"})
@@ -35,6 +37,13 @@ class _Types:
 
     macros: Mapping[str, str]
     structures: dict[str, list[_Member]] = field(default_factory=dict)
+    parts: dict[str, int] = field(default_factory=dict)
+
+    def add(self, name: str, members: list[_Member]) -> None:
+        """A structure; one of more parts than anybody writes, structures within structures, gets no zeros."""
+        parts = 1 + sum(self.parts.get(member.kind, 1) for member in members)
+        if parts <= MAX_PARTS and all(len(member.sizes) <= MAX_SIZES for member in members):
+            self.structures[name], self.parts[name] = members, parts
 
     def known(self, kind: str) -> str:
         """The type that a name stands for, '' for none."""
@@ -161,11 +170,11 @@ class _Reader:
             end, own = self._sizes(index + 1)
             last, whole = self._tokens[end - 1].end, own + sizes
             if self._text(end) in (",", ";"):
-                if output:
+                if output and len(whole) <= MAX_SIZES:
                     self._late.append(self._types.statements(kind, name, whole))
                 elif not whole and (zero := self._types.expression(kind)):
                     self._edits.append((last, f" = {zero}"))
-                elif all(whole):
+                elif all(whole) and len(whole) <= MAX_SIZES:
                     after.append(self._types.statements(kind, name, whole))
             index = end
             while index < len(self._tokens) and self._text(index) not in (",", ";"):
@@ -187,7 +196,7 @@ class _Reader:
         end = closing(self._tokens, opening)
         members = list(self._members(opening + 1, end))
         if name and all(members):
-            self._types.structures[name] = [member for member in members if member]
+            self._types.add(name, [member for member in members if member])
         if named and name in self._types.structures and self._text(end + 1) != ";":
             return self._declarators(end + 1, name, ())
         return end + 1
@@ -234,4 +243,6 @@ class _Reader:
         if not kind or after >= end or self._tokens[after].kind != "name":
             return []
         _, own = self._sizes(after + 1)
+        if len(own + sizes) > MAX_SIZES:
+            return []
         return [self._types.statements(kind, self._text(after), own + sizes)]

@@ -94,10 +94,11 @@ def _of_weights(weights: np.ndarray, factor: float) -> Accumulation:
 
 
 def _fades(weights: np.ndarray) -> bool:
-    """Whether each frame counts the same part of the next."""
-    if not (np.abs(weights) > 0).all() or len(weights) < 4:
+    """Whether each frame counts the same part of the next; the first one and those long faded do not tell."""
+    told = weights[1:][np.abs(weights[1:]) > RESIDUAL * np.abs(weights).max()]
+    if len(told) < 4:
         return False
-    ratios = weights[1:-1] / weights[2:]
+    ratios = told[:-1] / told[1:]
     return bool(np.ptp(ratios) < UNEVEN and ratios.max() < 1 - UNEVEN)
 
 

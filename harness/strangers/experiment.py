@@ -150,6 +150,11 @@ class _Experiments:
                           "of a negative number, or normalize(vec3(0))", evidence=(("share", broken),))
         elif broken > 0:
             lost = float((~np.isfinite(result).all(axis=-1)).mean())
+            if lost == 0:
+                yield Finding("leaves_out", "warning", "estimator",
+                              f"{broken:.2%} of all samples are not finite, or not counted; none of them got into the "
+                              f"sum of {FRAMES} frames", evidence=(("share", broken),))
+                return
             yield Finding("not_finite", "fault", "estimator",
                           f"{broken:.2%} of all samples are not finite, and {lost:.0%} of the pixels after {FRAMES} "
                           "frames: one such sample spoils its pixel for ever", evidence=(("share", broken),))

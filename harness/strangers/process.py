@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -49,9 +49,9 @@ class Limits:
     driver takes.
     """
 
-    first: float = 60.0
+    first: float = 20.0
     factor: float = 20.0
-    least: float = 10.0
+    least: float = 5.0
     patience: float = 4.0
     memory: int = 4 << 30
     threads: int = os.cpu_count() or 1
@@ -93,6 +93,13 @@ class Process:
         if self._contract is None:
             raise ValueError("nothing is open")
         return self._contract
+
+    @property
+    def pid(self) -> int:
+        """The child's process number; ValueError where there is none."""
+        if self._child is None:
+            raise ValueError("nothing is open")
+        return self._child.pid
 
     @property
     def size(self) -> tuple[int, int]:
@@ -294,8 +301,3 @@ def _how(lost: Lost, do: str, limits: Limits) -> str:
     name = signal.Signals(lost.signal).name
     return (f"{what} crashes the driver ({name}), often for want of memory or stack; look for recursion, and for "
             "arrays or expressions that are far too large")
-
-
-def limits_of(limits: Limits) -> dict[str, Any]:
-    """The limits as plain data, for messages and JSON."""
-    return asdict(limits)

@@ -88,7 +88,8 @@ def past_weight(law: Law, n: int) -> float:
 def sample(pixels: np.ndarray, law: Law, n: int) -> np.ndarray:
     """What a frame, (H, W, 4), drawn on an empty past when n frames were counted, adds: radiance, (H, W, 3) float64.
 
-    A sum that counts in alpha is divided by what it counted; what else has a weight b(n) = 1 - a(n) by that.
+    A sum that counts in alpha is divided by what it counted, NaN where it counted nothing; what else has a weight
+    b(n) = 1 - a(n) by that.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     colour = decoded(pixels[..., :3], law.encoding)
@@ -96,7 +97,7 @@ def sample(pixels: np.ndarray, law: Law, n: int) -> np.ndarray:
         if law.count != "alpha":
             return colour
         counted = pixels[..., 3:]
-        return np.divide(colour, counted, out=np.zeros_like(colour), where=counted > 0)
+        return np.divide(colour, counted, out=np.full_like(colour, np.nan), where=counted > 0)
     weight = 1.0 - past_weight(law, n)
     return colour / weight if weight > 0 else colour
 

@@ -36,6 +36,11 @@ def test_uniforms(text: str, expected: list[tuple[str, str, int, bool]]) -> None
     assert [(one.name, one.kind, one.size, one.initialised) for one in found(text).uniforms] == expected
 
 
+def test_structures_within_structures_come_to_an_end() -> None:
+    nested = "".join(f"struct S{n} {{ {f'S{n - 1} a, b' if n else 'float x'}; }};\n" for n in range(40))
+    assert [one.name for one in found(f"{nested}uniform S39 s; uniform S3 t;").uniforms][:2] == ["s", "t.a.a.a.x"]
+
+
 def test_uniforms_stand_in_a_file_and_a_line() -> None:
     assert found("\n\nuniform int a;").uniforms == [Declared("a", "int", "a.frag:3")]
 

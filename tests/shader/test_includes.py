@@ -53,6 +53,14 @@ def test_a_guarded_file_may_include_itself(tmp_path: Path) -> None:
     assert joined([Piece("a.glsl", '#include "g.glsl"\n', tmp_path)]).text.count("float g;") == 1
 
 
+def test_a_shader_that_is_no_shader_by_its_length_is_named(tmp_path: Path) -> None:
+    half = "float x;\n" * 60_000
+    written(tmp_path, half__glsl=half)
+    joined([Piece("a.glsl", half, tmp_path)])
+    with pytest.raises(ShaderError, match=r"half\.glsl:1: .*more than 1 million characters"):
+        joined([Piece("a.glsl", f'{half}#include "half.glsl"\n', tmp_path)])
+
+
 def test_lines_of_the_author_do_not_renumber(tmp_path: Path) -> None:
     source = joined([Piece("a.glsl", "#line 50\nfloat a;", tmp_path)])
     assert place(source, source.text.index("float")) == "a.glsl:2"

@@ -53,6 +53,16 @@ def test_a_structure_with_arrays_is_zeroed_member_by_member() -> None:
         "++zero_1_) { s[zero_0_].x[zero_1_] = 0.0; } s[zero_0_].p = vec2(0.0); } }")
 
 
+@pytest.mark.parametrize("text", [
+    "".join(f"struct S{n} {{ {f'S{n - 1} a, b' if n else 'float x'}; }};\n" for n in range(40)) + "S39 s;",
+    "".join(f"struct S{n} {{ {f'S{n - 1} a' if n else 'float x'}; }};\n" for n in range(2000)) + "S1999 s;",
+    f"void f() {{ float a{'[2]' * 2000}; }}", f"void f(out float a{'[2]' * 2000}) {{ }}",
+])
+def test_what_would_need_zeros_without_end_is_left_alone(text: str) -> None:
+    """It is read in the process that judges, which no shader may keep busy."""
+    assert zero_initialised(text) == text
+
+
 _BODY = """struct Hit { float t; vec3 n; float w[2]; };
 float total;
 vec3 table[2];

@@ -11,7 +11,7 @@ from harness.errors import HarnessError
 from harness.estimators.shader import Shader
 from harness.strangers.experiment import experiment
 from harness.strangers.process import Limits, Process
-from tests.strangers.hostile import HOSTILE, SUM, Hostile, body
+from tests.strangers.hostile import HOSTILE, SUM, Hostile, body, toy
 
 SIZE = (16, 12)
 # Those whose process has to go need not be waited for.
@@ -39,6 +39,22 @@ def test_is_named_for_what_it_is(hostile: Hostile, tmp_path: Path, process: Proc
         said = sentences(hostile, tmp_path, process)
     assert any(re.search(hostile.answer, sentence) for sentence in said), said
     assert not any("\n" in sentence or "Traceback" in sentence for sentence in said)
+
+
+RIGHT = (
+    body("sum", "", SUM),
+    body("several samples", "", "vec3 s = vec3(0.0); for (int i = 0; i < 4; ++i) s += vec3(rnd()); "
+         "outBuffer0 = o + vec4(s, 4.0);"),
+    toy("mean", ""),
+    toy("count in alpha", "", "c = vec4((o.rgb * o.a + s) / (o.a + 1.0), o.a + 1.0);"),
+    toy("first frame thrown away", "", "c = vec4(mix(o.rgb, s, 1.0 / max(n, 1.0)), 1.0);"),
+    toy("rare and bright", "", sample="vec3(0.05) + (rnd() < 0.04 ? vec3(12.0) : vec3(0.0))"),
+)
+
+
+@pytest.mark.parametrize("right", RIGHT, ids=lambda right: right.name)
+def test_right_shaders_are_not_accused(right: Hostile, tmp_path: Path, process: Process) -> None:
+    assert sentences(right, tmp_path, process) == []
 
 
 def test_are_forty_at_least() -> None:

@@ -23,7 +23,7 @@ FOLDER = Path(__file__).parent / "defects"
 LINES = Path(__file__).parent / "lines.toml"
 # What a defect's sentence, family and formula may be shown for: see `harness grade --hints`.
 _TEXTS = ("id", "says", "family", "formula")
-_HEADER = re.compile(r"^\s*\[\[\s*defect\s*\]\]", re.MULTILINE)
+_HEADER = re.compile(r"^[ \t]*\[\[\s*defect\s*\]\]", re.MULTILINE)
 
 
 @dataclass(frozen=True)

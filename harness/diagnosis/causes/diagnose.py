@@ -29,8 +29,8 @@ MARGIN = 8.0
 # Where no picture fits, the nearest is told if it takes off at least this part of what the right one's χ² has too much.
 MUCH_NEARER = 0.7
 TOLD = 3
-# So many of the likeliest defects are tested for being the same picture.
-TESTED = 20
+# So many of the likeliest defects are tested for being the same picture; what comes after them is not.
+TESTED = 40
 
 
 def diagnose(scene: SceneFile, found: Estimate, reference: Estimate, *, store: Store | None = None,

@@ -70,7 +70,7 @@ class Diagnosis:
             said = ", or ".join(_picture(cause) for cause in fitting)
             return (f"{said}: which of them cannot be told here (χ²/dof {best.chi2:.2f}; the right picture is "
                     "excluded)")
-        others = [cause.chi2 for cause in self.causes[1:]]
+        others = [cause.chi2 for cause in self.causes[1:] if not math.isnan(cause.chi2)]
         after = f"; the next cause {others[0]:.2g}" if others else ""
         return f"{_picture(best)} (χ²/dof {best.chi2:.2f}; the right picture is excluded{after})"
 

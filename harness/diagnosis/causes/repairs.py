@@ -52,8 +52,9 @@ def repairs(cause: str, text: str) -> tuple[Repair, ...]:
         for number, (line, bare) in enumerate(zip(lines, code, strict=True)):
             for after in _mended(slip, bare, text):
                 comment = line[len(bare.rstrip()):] if line.startswith(bare.rstrip()) else ""
-                whole = "\n".join([*lines[:number], after.rstrip() + comment, *lines[number + 1:]])
-                found.setdefault((number, after), Repair(number + 1, line.strip(), after.strip(), slip.says, whole))
+                mended = after.rstrip() + comment
+                whole = "\n".join([*lines[:number], mended, *lines[number + 1:]])
+                found.setdefault((number, mended), Repair(number + 1, line.strip(), mended.strip(), slip.says, whole))
     return tuple(found.values())
 
 

@@ -128,8 +128,9 @@ def make_pass(name: str, source: ShaderSource, frame: Frame, answers: Answers) -
     uniforms = _unique([*found.uniforms, *mine, *extra])
     roles: list[tuple[str, Role]] = []
     channels: list[Channel] = []
+    theirs = {uniform.name for uniform in found.uniforms}
     for uniform in uniforms:
-        uses = found.names.get(uniform.name.split(".")[0], 0) - (uniform in found.uniforms)
+        uses = found.names.get(uniform.name.split(".")[0], 0) - (uniform.name in theirs)
         if "sampler" in uniform.kind:
             channels.append(_channel(uniform, frame, answers, uses > 0))
         elif role := _role(uniform, frame, answers, uses > 0):

@@ -17,7 +17,7 @@ _TEMPLATE = re.compile(r"`(?P<text>(?:\\.|[^`\\])*)`", re.DOTALL)
 _RAW = re.compile(r'R"(?P<mark>\w*)\((?P<text>.*?)\)(?P=mark)"', re.DOTALL)
 _STRING = re.compile(r"(?P<quote>[\"'])(?P<text>(?:\\.|(?!(?P=quote))[^\\\n])*)(?P=quote)")
 _ESCAPES = {"n": "\n", "t": "\t", "r": ""}
-_SLOT = re.compile(r"\$\{\s*(?P<name>[^}]*?)\s*\}")
+_SLOT = re.compile(r"\$\{(?P<name>[^{}]*)\}?")
 _MAIN = re.compile(r"\bvoid\s+main\s*\(")
 _VERSION = re.compile(r"^[ \t]*#[ \t]*version\s+(\d+)\s*(es)?", re.MULTILINE)
 _ES_100 = re.compile(r"\bgl_FragColor\b|\bvarying\b|\btexture2D\b|\bprecision\s+\w+\s+\w+\s*;")
@@ -78,7 +78,7 @@ def _texts(file: Given) -> Iterator[tuple[int, str]]:
 def _filled(file: Given, text: str, start: int) -> str:
     """A template string with numbers in place of its slots, where the script says them as constants."""
     def fill(slot: re.Match[str]) -> str:
-        name = slot["name"]
+        name = slot["name"].strip()
         value = re.search(rf"\b(?:const|let|var)\s+{re.escape(name)}\s*=\s*(-?[\d.]+(?:e-?\d+)?)\s*[;,\n]", file.text)
         if not value:
             line = file.text.count("\n", 0, start + slot.start()) + 1
