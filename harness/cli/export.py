@@ -65,4 +65,4 @@ def _targets(files: Mapping[str, str | bytes], output: Path) -> dict[Path, str |
     if len(files) > 1:
         raise HarnessError(f"--output: '{output}' is named as a file, and there are {len(files)} ({', '.join(files)}); "
                            "name a folder")
-    return {output: content for content in files.values()}
+    return {output: next(iter(files.values()))}
