@@ -10,6 +10,7 @@ import typer
 
 from harness.cli.options import DepthOption, SceneArgument, SetOption, SizeOption, open_scene, scene_file
 from harness.cli.output import JsonOption, log, print_json
+from harness.errors import HarnessError
 
 
 def export(
@@ -56,8 +57,12 @@ def export(
 
 
 def _targets(files: Mapping[str, str | bytes], output: Path) -> dict[Path, str | bytes]:
-    """Where each file goes: into the folder `output`, or, of one file, where `output` has its suffix, there."""
-    (name, content), *others = files.items()
-    if not others and output.suffix and output.suffix == Path(name).suffix:
-        return {output: content}
-    return {output / name: content for name, content in files.items()}
+    """Where each file goes: into the folder `output`, or, of one file, where `output` has its suffix, there.
+
+    HarnessError where `output` is named like one file of several."""
+    if output.suffix not in {Path(name).suffix for name in files}:
+        return {output / name: content for name, content in files.items()}
+    if len(files) > 1:
+        raise HarnessError(f"--output: '{output}' is named as a file, and there are {len(files)} ({', '.join(files)}); "
+                           "name a folder")
+    return {output: next(iter(files.values()))}

@@ -54,6 +54,7 @@ def test_a_default_parameter_can_be_set(harness: Harness, sky: Path, here: Path)
     ("spheres.xml", ("--host", "quake"), "unknown host 'quake'; choose from gratin, shadertoy, glslviewer, webgl"),
     ("spheres.xml", ("--host", "webgl", "-s", "best"), "unknown strategy 'best'"),
     ("textures.xml", ("--host", "shadertoy"), "Shadertoy takes no images of one's own"),
+    ("spheres.xml", ("--host", "glsl", "-o", "x.frag"), "--output: 'x.frag' is named as a file, and there are 2"),
     ("spheres.xml", (), "Missing option '--host'"),
 ])
 def test_what_cannot_be_is_one_line_and_leaves_nothing(

@@ -6,6 +6,7 @@ inputs, parameters, `pingpong0` and `numpass`; the text here is what comes after
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -157,9 +158,9 @@ def _with_exponents(code: str, scene: Scene) -> tuple[str, list[Parameter]]:
         if not glossy:
             return match[0]
         words = re.sub(r"[^A-Za-z0-9]+", "_", scene.shapes[glossy[0]].name).strip("_") or f"shape_{glossy[0]}"
-        name = f"exponent_{words}"
-        while any(parameter.name == name for parameter in parameters):
-            name += "_"  # two shapes of one name
+        taken = {parameter.name for parameter in parameters}
+        names = itertools.chain([f"exponent_{words}"], (f"exponent_{words}_{count}" for count in itertools.count(2)))
+        name = next(name for name in names if name not in taken)  # shapes may share a name
         parameters.append(Parameter.around(name, float(np.float32(match["alpha"]))))
         return f"{match['before']}, {name}{match['after']}"
 

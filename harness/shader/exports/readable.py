@@ -12,6 +12,7 @@ _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _LAYOUT = re.compile(r"^\s*layout\s*\([^)]*\)")
 _NESTED = re.compile(r"\([^()]*\)|\[[^][]*\]|\{[^{}]*\}")
+_PROTOTYPE = re.compile(r"\s*\w+\s+\w+\s*\([^(){}]*\)\s*;\s*")
 # A comment of one file ends at its first line of code; one of the next declaration stands directly above it.
 _BLANK = ""
 
@@ -37,23 +38,27 @@ class Text:
     about: dict[str, str]
     items: tuple[Item, ...]
 
-    def only(self, roots: Collection[str], without: Collection[str] = ()) -> Text:
-        """What the items that declare one of `roots` need, directly or not; items that declare `without` go."""
-        items = [item for item in self.items if not item.names & set(without)]
+    def only(self, roots: Collection[str]) -> Text:
+        """What the items that declare one of `roots` need, directly or not."""
         needed, wanted = set[str](), set(roots)
         while wanted - needed:
             needed |= wanted
-            wanted = {word for item in items if item.names & needed for word in item.words}
-        return Text(self.about, tuple(item for item in items if item.names & needed))
+            wanted = {word for item in self.items if item.names & needed for word in item.words}
+        return Text(self.about, tuple(item for item in self.items if item.names & needed))
 
-    def apart(self, files: Collection[str]) -> tuple[Text, Text]:
-        """The items of `files`, and all others."""
-        inside = tuple(item for item in self.items if item.file in files)
-        return Text(self.about, inside), Text(self.about, tuple(item for item in self.items if item.file not in files))
-
-    def declares(self, name: str) -> bool:
-        """Whether one of the items is of that name."""
-        return any(name in item.names for item in self.items)
+    def without_prototypes(self) -> Text:
+        """The same with each function defined before it is called, for compilers that know no prototypes."""
+        left = [item for item in self.items if not _PROTOTYPE.fullmatch(_COMMENT.sub(" ", item.code))]
+        if len(left) == len(self.items):
+            return self
+        ordered: list[Item] = []
+        while left:
+            missing = {name for item in left for name in item.names}
+            # The first that waits for none but itself; where things go round in a circle, as no GLSL does, the first.
+            ready = next((item for item in left if not item.words & missing - item.names), left[0])
+            ordered.append(ready)
+            left.remove(ready)
+        return Text(self.about, tuple(ordered))
 
     def written(self) -> str:
         """As GLSL: a heading and what the file says of itself before its first item; ends in a newline."""

@@ -27,7 +27,7 @@ def export(job: Job) -> dict[str, str]:
         raise HarnessError(f"scene '{job.scene.name}' reads images ({names}) of {texels} texels; Shadertoy takes no "
                            f"images of one's own, and at most {MOST_TEXELS} texels are written as constants: scale the "
                            "images down, or export to webgl, gratin, glslviewer or glsl")
-    lookups, tracer = with_lookups(job.tracer(es=True), images, lambda _, image: written(image))
+    lookups, tracer = with_lookups(job.tracer(es=True).without_prototypes(), images, lambda _, image: written(image))
     head = job.head(
         "On shadertoy.com: this text is the tab Common; buffer_a.glsl that of Buffer A, whose iChannel0 is Buffer A",
         "itself; and image.glsl that of Image, whose iChannel0 is Buffer A too. The picture grows from frame to frame;",

@@ -30,8 +30,13 @@ def export(job: Job) -> dict[str, str]:
     return {f"{job.name}.html": page.substitute(
         head=head.replace("--", "- -").rstrip(), title=html.escape(f"{job.scene.name}, {job.strategy}"),
         width=job.scene.width, height=job.scene.height, exposure=f"{job.exposure:g}", samples=job.frame_samples,
-        tracer=_tracer(job), display=_display(job),
-        images=json.dumps([_embedded(image) for image in images_of(job.scene)]))}
+        tracer=_harmless(_tracer(job)), display=_harmless(_display(job)),
+        images=_harmless(json.dumps([_embedded(image) for image in images_of(job.scene)]), r"<\u002f", r"<\u0021"))}
+
+
+def _harmless(text: str, slash: str = "< /", mark: str = "< !") -> str:
+    """Text that cannot end the script element that it stands in, whatever a scene calls its shapes and files."""
+    return text.replace("</", slash).replace("<!", mark)
 
 
 def _tracer(job: Job) -> str:

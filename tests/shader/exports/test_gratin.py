@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -90,6 +91,15 @@ def test_turning_a_parameter_changes_what_the_scene_has_there(tmp_path: Path) ->
     path.write_text(other.replace('name="alpha" value="60"', 'name="alpha" value="7"'))
     expected = rendered(load_scene(path, width=16, height=12), "mixture", 8)
     np.testing.assert_array_equal(drawn("gratin", turned, scene, 2), expected)
+
+
+def test_shapes_of_one_name_have_parameters_of_their_own() -> None:
+    scene = load_scene(SCENES / "depth_of_field.xml")
+    shapes = tuple(dataclasses.replace(shape, name="a  ball!") for shape in scene.shapes)
+    alike = dataclasses.replace(scene, shapes=shapes)
+    text = pipeline(alike)
+    for name in ("exponent_a_ball", "exponent_a_ball_2", "exponent_a_ball_3"):
+        assert f'val="{name}"' in text
 
 
 def test_images_are_inputs() -> None:

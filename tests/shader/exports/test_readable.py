@@ -66,6 +66,17 @@ def test_comments_stay_with_what_they_are_about() -> None:
     assert "unused" not in text
 
 
+def test_functions_can_stand_before_their_calls() -> None:
+    """Which a translator to WGSL needs; nothing else changes its place."""
+    text = "\n".join([
+        "#line 100001 0 // a.glsl", "int late(int x);", "int a;", "int early(int x)", "{", "    return late(a);", "}",
+        "int late(int x)", "{", "    return x;", "}", "void main()", "{", "    early(1);", "}"])
+    found = split(text).without_prototypes()
+    assert [sorted(one.names) for one in found.items] == [["a"], ["late"], ["early"], ["main"]]
+    assert split(SMALL.replace("float area(vec2 r);", "")).without_prototypes().items == split(
+        SMALL.replace("float area(vec2 r);", "")).items
+
+
 @pytest.mark.parametrize(("code", "names"), [
     ("uniform sampler2D a;", {"a"}), ("float a, b[2], c = f(1.0, 2.0);", {"a", "b", "c"}),
     ("const vec3 A[2] = vec3[2](vec3(0.0), vec3(1.0));", {"A"}), ("precise float f(float x) { return x; }", {"f"}),
