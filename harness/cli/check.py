@@ -24,28 +24,28 @@ WIDTH = 64
 FilesArgument = Annotated[list[Path], typer.Argument(help="The shader's files, or a folder of them.",
                                                      show_default=False)]
 ValueOption = Annotated[list[str] | None, typer.Option(
-    "--set", metavar="NAME=VALUE", help="What a uniform is: a number, several with commas, a role such as frame or time, "
-                                        "or what a sampler reads (self, noise, file:PATH); may be given several times.")]
+    "--set", metavar="NAME=VALUE", help="What a uniform is: a number, several with commas, a role (frame, time, …), or "
+                                        "what a sampler reads (self, noise, file:PATH); may be given several times.")]
 
 
 def check(
     files: FilesArgument,
-    scene: Annotated[str | None, typer.Option("--scene", metavar="SCENE", help="The Mitsuba scene that it shows: a file, "
-                                              "or the name of a bundled one.")] = None,
+    scene: Annotated[str | None, typer.Option("--scene", metavar="SCENE", help="The Mitsuba scene that it shows: a "
+                                              "file, or the name of a bundled one.")] = None,
     host: Annotated[str | None, typer.Option("--host", help="The dialect, if its syntax does not tell it.")] = None,
     values: ValueOption = None,
-    contract: Annotated[Path | None, typer.Option("--contract", metavar="FILE", help="A contract.toml, in place of what "
-                                                  "would be read from the files.")] = None,
+    contract: Annotated[Path | None, typer.Option("--contract", metavar="FILE", help="A contract.toml, in place of "
+                                                  "what would be read from the files.")] = None,
     size: SizeOption = None,
-    budget: Annotated[float, typer.Option("--budget", min=0.5, max=86400.0, help="Seconds for drawing its frames.")] = 60.0,
+    budget: Annotated[float, typer.Option("--budget", min=0.5, max=86400.0, help="Seconds for its frames.")] = 60.0,
     tolerance: Annotated[float | None, typer.Option("--tolerance", min=1e-9, max=1.0, show_default=False, help=(
         "Bias, relative to the mean, that still counts as equivalent."))] = None,
     cache: CacheOption = True,
     device: DeviceOption = None,
     json: JsonOption = False,
 ) -> int:
-    """Judge somebody's shader as it is: how its frames are joined, its random numbers, its faults, and on a scene whether
-    its picture is right.
+    """Judge somebody's shader as it is: how its frames are joined, its random numbers, its faults; on a scene, its
+    picture.
 
     It runs in a process of its own, with limits on time and memory. Exit status 1 when something is wrong with it.
 
@@ -110,7 +110,8 @@ def as_json(found: Findings, judged: Judged | None) -> dict[str, Any]:
             "outcome": judged.outcome, "reason": judged.verdict.reason, "transform": judged.transform, "error": error,
             "low": low, "high": high, "slope": judged.slope, "offset": judged.offset, "frames": judged.frames,
             "reference": judged.integrator, "note": judged.note,
-            "worst": {name: getattr(judged.worst, name) for name in ("x", "y", "tile", "channel", "error", "low", "high")}}
+            "worst": {name: getattr(judged.worst, name)
+                      for name in ("x", "y", "tile", "channel", "error", "low", "high")}}
     return report
 
 
@@ -142,7 +143,9 @@ def _completed(shader: Shader, found: Findings) -> Shader:
 
 def _hopeless(found: Findings) -> bool:
     """Whether there is nothing to hold against a reference."""
-    return any(found.has(kind) for kind in ("never_writes", "black", "nan_flood"))
+    from harness.strangers.experiment import HOPELESS
+
+    return any(found.has(kind) for kind in HOPELESS)
 
 
 def _scene(word: str, size: str | None, read: Contract) -> SceneFile:

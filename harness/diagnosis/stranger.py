@@ -12,21 +12,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harness.diagnosis.causes.match import Seen
+from harness.diagnosis.causes.transforms import fitted
 from harness.errors import SceneError
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.shader import Shader, ShaderRenderer
 from harness.policy import FALSE_ALARMS, tolerance_for, tolerances
 from harness.progress import Progress, quiet
-from harness.samples.estimate import Accumulator, Batch, Estimate, luminance
+from harness.samples.estimate import Accumulator, Batch, Estimate, luminance, with_luminance
 from harness.samples.store import Store
 from harness.scene import SceneFile, load
 from harness.stats.findings import TileFinding, summarised
 from harness.stats.levels import Looks
 from harness.stats.sequential import Looking
-from harness.stats.tiles import TileSamples, tile_means
+from harness.stats.tiles import TileAccumulator, TileSamples, tile_means, tile_size
 from harness.stats.verdicts import BiasVerdict, Tolerance, bias_verdict
 from harness.strangers.single import Encoding
-from harness.strangers.transforms import SHIFTS, candidates, samples_of, shifted, told_shift
 from harness.work.run import Run, reference_run
 
 # Samples per pixel of the reference, of each of the two integrators, for an image of `REFERENCE_PIXELS` pixels; smaller
@@ -39,6 +40,8 @@ BATCHES, SHARES = 64, (8, 4, 2, 1)
 LEAST_RUN, MOST_RUN = 4, 2048
 # Frames by which the time of one is measured.
 TIMED_FRAMES = 4
+# Relative errors that float32 sums of exact answers have.
+ROUNDING = 1e-4
 # Lights that nothing hits, so that only `path` finds them.
 HIDDEN_LIGHTS = ("point", "spot", "directional", "directionalarea", "projector", "collimated")
 # Depth at which paths without a bound are cut for `bsdf_path`, which needs one.
@@ -60,7 +63,7 @@ class Reference:
 class Judged:
     """The verdict on a shader's single frames.
 
-    `verdict`: of the picture as it is. `transform`: what it was put through, in words, where undoing that makes it agree,
+    `verdict`: of the picture as it is. `transform`: what it was put through, in words, where undoing it makes it agree,
     else ''. `slope`, `offset`: of the straight line through the tiles' luminance against the reference's. `worst`: the
     tile furthest off. `found`, `reference`: both pictures, for whoever goes on to look for a cause.
     """
@@ -85,43 +88,45 @@ class Judged:
 
 
 def judge_stranger(shader: Shader, scene: SceneFile, *, store: Store | None = None, budget: float = 60.0,
-                   tolerance: float | None = None, encoding: Encoding = "", progress: Progress = quiet) -> Judged:
+                   tolerance: float | None = None, encoding: Encoding = "", spp: int | None = None,
+                   progress: Progress = quiet) -> Judged:
     """Hold a shader's single frames against Mitsuba's picture of the scene.
 
     `budget`: seconds for the shader's frames; the verdict is told as soon as it is certain. `encoding`: what the
-    experiments found frames to be put through. Raises as the estimators do.
+    experiments found frames to be put through. `spp`: samples per pixel of the reference, enough for the film if None.
+    Raises as the estimators do.
     """
     allowed = _tolerance(scene, tolerance)
     began = time.perf_counter()
     with shader.open(scene) as renderer:  # first: it is the likelier to fail
         run = _frames_of_a_batch(renderer, budget)
-    held = reference(scene, allowed, store=store, progress=progress)
+    held = reference(scene, allowed, spp=spp, store=store, progress=progress)
     images, verdict = _drawn(replace(shader, run=run), scene, held, allowed, budget, progress)
     transform = ""
     if verdict.outcome == "fail":
-        transform = (_transformed(images, run, held, allowed)
-                     or _encoded(replace(shader, run=run), scene, held, allowed, images, encoding, budget)
-                     or _moved(images, run, scene, held, allowed, store, progress))
+        # First what is done to each frame: of it no transform of the mean is the inverse.
+        transform = (_encoded(replace(shader, run=run), scene, held, allowed, images, encoding)
+                     or _transformed(images, run, scene, held, spp, store, progress))
     estimate = _estimate(images, run)
     slope, offset = _line(estimate.mean, held.run.estimate().mean, verdict.fine.tile)
-    return Judged(scene, verdict, transform, slope, offset, summarised(verdict.fine), estimate, held.run.estimate(),
+    return Judged(scene, verdict, transform, slope, offset, _worst(verdict), estimate, held.run.estimate(),
                   held.integrator, held.note, len(images) * run, time.perf_counter() - began)
 
 
-def reference(scene: SceneFile, tolerance: Tolerance, *, store: Store | None = None,
+def reference(scene: SceneFile, tolerance: Tolerance, *, spp: int | None = None, store: Store | None = None,
               progress: Progress = quiet) -> Reference:
     """Mitsuba's `path`, unless `bsdf_path` shows that it leaks light."""
-    run = _mitsuba(scene, "path", store, progress)
+    run = _mitsuba(scene, "path", spp, store, progress)
     if reason := _hidden_light(scene):
         return Reference(run, "path", reason)
-    other = _mitsuba(scene, "bsdf_path", store, progress)
+    other = _mitsuba(scene, "bsdf_path", spp, store, progress)
     verdict = bias_verdict(run.tiles(), other.tiles(), tolerance, fail_level=FALSE_ALARMS)
     if verdict.outcome != "fail":
         return Reference(run, "path")
     error, low, high = verdict.luminance
     return Reference(other, "bsdf_path", (
-        f"Mitsuba's path and bsdf_path differ by {error:+.2%} ({low:+.2%} to {high:+.2%}) in the mean: path leaks light past "
-        "what is close to a light, so the reference is bsdf_path"))
+        f"Mitsuba's path and bsdf_path differ by {error:+.2%} ({low:+.2%} to {high:+.2%}) in the mean: path leaks "
+        "light past what is close to a light, so the reference is bsdf_path"))
 
 
 def _tolerance(scene: SceneFile, asked: float | None) -> Tolerance:
@@ -138,12 +143,13 @@ def _spp(scene: SceneFile) -> int:
     return min(MOST_SPP, max(256, REFERENCE_SPP * REFERENCE_PIXELS // (film.width * film.height)))
 
 
-def _mitsuba(scene: SceneFile, integrator: str, store: Store | None, progress: Progress) -> Run:
+def _mitsuba(scene: SceneFile, integrator: str, spp: int | None, store: Store | None, progress: Progress) -> Run:
     """So many samples of an integrator."""
     depth = DEEP if integrator == "bsdf_path" and scene.depth is None else None
     with Mitsuba(integrator, depth).open(scene) as renderer:
-        run = reference_run(renderer, _spp(scene), store)
-        replicas = -(-_spp(scene) // run.spp)
+        samples = spp or _spp(scene)
+        run = reference_run(renderer, samples, store)
+        replicas = -(-samples // run.spp)
         with progress(replicas * run.spp, f"{scene.name} {integrator}") as advance:
             run.grow(replicas, advance)
     return run
@@ -152,8 +158,8 @@ def _mitsuba(scene: SceneFile, integrator: str, store: Store | None, progress: P
 def _hidden_light(scene: SceneFile) -> str:
     """Why `bsdf_path` would not see all light; empty where it does."""
     kinds = {str(node.props.plugin_name()) for node in scene.parsed().nodes} & set(HIDDEN_LIGHTS)
-    return f"the scene has a light that no path hits ({', '.join(sorted(kinds))}), so bsdf_path was not asked" if kinds \
-        else ""
+    return (f"the scene has a light that no path hits ({', '.join(sorted(kinds))}), so bsdf_path was not asked"
+            if kinds else "")
 
 
 def _frames_of_a_batch(renderer: ShaderRenderer, budget: float) -> int:
@@ -167,8 +173,8 @@ def _frames_of_a_batch(renderer: ShaderRenderer, budget: float) -> int:
 
 def _drawn(shader: Shader, scene: SceneFile, held: Reference, tolerance: Tolerance, budget: float,
            progress: Progress) -> tuple[np.ndarray, BiasVerdict]:
-    """Batches of frames, (B, H, W, 3), and the verdict, at the look that decided. Where the budget ends before all looks
-    the last verdict stands."""
+    """Batches of frames, (B, H, W, 3), and the verdict, at the look that decided. Where the budget ends before all
+    looks the last verdict stands."""
     counts = [BATCHES // share for share in SHARES]
     looking = Looking(Looks(tuple(shader.run * count for count in counts)), tolerance, FALSE_ALARMS)
     images: list[np.ndarray] = []
@@ -182,21 +188,29 @@ def _drawn(shader: Shader, scene: SceneFile, held: Reference, tolerance: Toleran
     return np.stack(images).astype(np.float64), verdict
 
 
-def _agrees(images: np.ndarray, run: int, truth: TileSamples, tolerance: Tolerance) -> bool:
-    """Whether nothing is wrong with these batches any more: the mean passes or is undecided, and no tile fails."""
-    return bias_verdict(samples_of(images, run), truth, tolerance, fail_level=FALSE_ALARMS).outcome != "fail"
+def samples_of(images: np.ndarray, frames: int) -> TileSamples:
+    """Batches of `frames` samples, (B, H, W, 3), as tiles."""
+    tiles = TileAccumulator(tile_size(*images.shape[1:3]))
+    for image in images:
+        tiles.add(with_luminance(image), frames)
+    return tiles.samples()
 
 
-def _transformed(images: np.ndarray, run: int, held: Reference, tolerance: Tolerance) -> str:
-    truth = held.run.estimate().mean
-    for one in candidates(images, truth):
-        if _agrees(one.undo(images), run, held.run.tiles(), tolerance):
-            return f"the picture is {one.told}, and right otherwise"
+def _transformed(images: np.ndarray, run: int, scene: SceneFile, held: Reference, spp: int | None,
+                 store: Store | None, progress: Progress) -> str:
+    """What the picture was put through after it was right: a factor, a curve, a flip, a shift by half a pixel, for
+    which the reference is needed at twice the size."""
+    film = scene.film
+    fine = _mitsuba(scene.sized(2 * film.width, 2 * film.height), held.integrator, spp, store, progress).estimate()
+    found, truth = Seen.of(_estimate(images, run)), Seen.of(held.run.estimate())
+    for one in fitted(found, truth, Seen.of(fine)):
+        if one.fit.same:
+            return f"the picture is right but for {one.says}"
     return ""
 
 
 def _encoded(shader: Shader, scene: SceneFile, held: Reference, tolerance: Tolerance, images: np.ndarray,
-             found: Encoding, budget: float) -> str:
+             found: Encoding) -> str:
     """Frames that are encoded before they are averaged, decoded one by one."""
     if not found and images.mean(axis=0).max() > ENCODED_MAX:
         return ""
@@ -205,32 +219,11 @@ def _encoded(shader: Shader, scene: SceneFile, held: Reference, tolerance: Toler
     for encoding in tried:
         with replace(shader, encoding=encoding).open(scene) as renderer:
             decoded = np.stack([renderer.render_batch(k, 0, shader.run).mean for k in range(BATCHES // SHARES[1])])
-        if _agrees(decoded.astype(np.float64), shader.run, held.run.tiles(), tolerance):
+        # No tile fails any more, and the mean does not either.
+        if bias_verdict(samples_of(decoded.astype(np.float64), shader.run), held.run.tiles(), tolerance,
+                        fail_level=FALSE_ALARMS).outcome != "fail":
             return f"each frame is encoded ({names[encoding]}) before it is averaged, and right otherwise"
     return ""
-
-
-def _moved(images: np.ndarray, run: int, scene: SceneFile, held: Reference, tolerance: Tolerance, store: Store | None,
-           progress: Progress) -> str:
-    """A picture that is shifted by half a pixel, held against one of twice the size."""
-    film = scene.film
-    fine_scene = scene.sized(2 * film.width, 2 * film.height)
-    fine = _mitsuba(fine_scene, held.integrator, store, progress).estimate()
-    truth, inner = held.run.estimate(), np.s_[:, 1:-1, 1:-1]
-    best = min(SHIFTS, key=lambda shift: float(((shifted(fine.mean, shift) - images.mean(axis=0))[inner[1:]]**2).sum()))
-    moved = shifted(fine.mean, best)
-    # The shifted reference has a quarter of the noise's samples a pixel, but four of its pixels in each.
-    noise = np.sqrt(truth.variance)[None, 1:-1, 1:-1]
-    batches = moved[inner[1:]][None] + noise * _unit_noise(32, noise.shape[1:]) * np.sqrt(32)
-    if _agrees(images[inner], run, samples_of(batches, 1), tolerance):
-        return f"the picture is shifted by {told_shift(best)}, and right otherwise"
-    return ""
-
-
-def _unit_noise(batches: int, shape: tuple[int, ...]) -> np.ndarray:
-    """Normal deviates whose mean over the batches is exactly 0."""
-    noise = np.random.default_rng(1).standard_normal((batches, *shape))
-    return np.asarray(noise - noise.mean(axis=0))
 
 
 def _estimate(images: np.ndarray, run: int) -> Estimate:
@@ -240,8 +233,15 @@ def _estimate(images: np.ndarray, run: int) -> Estimate:
     return accumulator.estimate()
 
 
+def _worst(verdict: BiasVerdict) -> TileFinding:
+    """The tile furthest off: of the larger ones where those fail, of the smaller ones else. What rounding made of exact
+    answers is none."""
+    tiles = verdict.coarse if verdict.coarse.outcome == "fail" else verdict.fine
+    return summarised(replace(tiles, z=np.where(np.abs(tiles.error) < ROUNDING, 0.0, tiles.z)))
+
+
 def _line(found: np.ndarray, truth: np.ndarray, tile: int) -> tuple[float, float]:
-    """Slope and offset of found = slope truth + offset over tiles, by least squares; offset 0 where the truth is flat."""
+    """Slope and offset of found = slope truth + offset over tiles, by least squares; no offset where truth is flat."""
     x, y = (tile_means(luminance(image)[..., None], tile).ravel() for image in (truth, found))
     if np.ptp(x) < 1e-6 * abs(x.mean()) or not np.isfinite(y).all():
         return (float(y.mean() / x.mean()) if x.mean() else float("nan")), 0.0
@@ -258,8 +258,8 @@ def told(judged: Judged) -> list[str]:
     lines = [f"{judged.outcome}: {judged.verdict.reason}",
              f"mean luminance {error:+.3%} ({low:+.3%} to {high:+.3%}) against Mitsuba's {judged.integrator}, from "
              f"{judged.frames} frames; slope {judged.slope:.4f}, offset {judged.offset:+.3g}",
-             f"worst tile: x {worst.x} to {worst.x + worst.tile}, y {worst.y} to {worst.y + worst.tile}: {worst.channel} "
-             f"{worst.error:+.2%} ({worst.low:+.2%} to {worst.high:+.2%})"]
+             f"worst tile: x {worst.x} to {worst.x + worst.tile}, y {worst.y} to {worst.y + worst.tile}: "
+             f"{worst.channel} {worst.error:+.2%} ({worst.low:+.2%} to {worst.high:+.2%})"]
     if judged.transform:
         lines.append(judged.transform)
     if judged.note:

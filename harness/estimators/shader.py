@@ -25,6 +25,7 @@ from harness.strangers.single import Encoding
 
 # Frames of a replica. Their numbers must stay small: many a seed is a float that loses its last digits far from zero.
 RUN = 1024
+LIMITS = Limits()
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Shader:
     contract: Contract | None = None
     run: int = RUN
     encoding: Encoding = ""
-    limits: Limits = Limits()
+    limits: Limits = LIMITS
 
     @property
     def name(self) -> str:
@@ -146,5 +147,5 @@ def require_size(contract: Contract, scene: SceneFile) -> None:
     film = scene.film
     if contract.size and contract.size != (film.width, film.height):
         width, height = contract.size
-        raise HarnessError(f"{contract.radiance}: a size of {width} x {height} is written into the shader, the film has "
-                           f"{film.width} x {film.height}; give --size {width}x{height}")
+        raise HarnessError(f"{contract.radiance}: a size of {width} x {height} is written into the shader, the film "
+                           f"has {film.width} x {film.height}; give --size {width}x{height}")

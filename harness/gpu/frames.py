@@ -32,6 +32,8 @@ _INTEGERS = "iI"
 # Characters of a compiler's message, and of the line that it is about, that are shown.
 MOST = 200
 _ERROR = re.compile(r"error: (.*)")
+# What no text compiles with, and still is read to its end.
+_UNDECLARED = "\nvoid harness_fails_() { harness_undeclared_ = 1.0; }\n"
 _UNSET = re.compile(r"^\d+:(\d+)\(\d+\): warning: `(\w+)' used uninitialized", re.MULTILINE)
 
 
@@ -203,7 +205,7 @@ class _Program:
             raise ShaderError(f"{file}: cannot be handed to the compiler: {' '.join(str(error).split())[:200]}; "
                               "write it in ASCII, and include by \"NAME\"") from None
         members: dict[str, Any] = {name: self._program[name] for name in self._program}
-        self.uniforms = {re.split(r"[.\[]", name)[0] if member.array_length > 1 else name: member
+        self.uniforms: dict[str, Any] = {re.split(r"[.\[]", name)[0] if member.array_length > 1 else name: member
                          for name, member in members.items() if isinstance(member, moderngl.Uniform)}
         self.samplers = {name: _SAMPLERS[member.gl_type] for name, member in self.uniforms.items()
                          if member.gl_type in _SAMPLERS}
@@ -244,7 +246,7 @@ class _Program:
         for name, member in members.items():
             if isinstance(member, moderngl.StorageBlock | moderngl.UniformBlock):
                 what = "a storage buffer" if isinstance(member, moderngl.StorageBlock) else "a uniform block"
-            elif isinstance(member, moderngl.Uniform) and member.gl_type in _IMAGES:
+            elif name in self.uniforms and self.uniforms[name].gl_type in _IMAGES:
                 what = "an image that it writes to"
             else:
                 continue
@@ -274,7 +276,7 @@ def unset_variables(one: ShaderPass) -> list[tuple[str, str]]:
     """
     gl = context()
     try:
-        gl.program(vertex_shader=one.vertex, fragment_shader=f"{one.source.text}\nthis does not compile").release()
+        gl.program(vertex_shader=one.vertex, fragment_shader=f"{one.source.text}{_UNDECLARED}").release()
     except (moderngl.Error, UnicodeError, KeyError, ValueError) as error:
         found = _UNSET.findall(_log(str(error)))
         offset = _line_offset(gl)

@@ -53,8 +53,8 @@ class ShaderPass:
     """One draw of a frame.
 
     `source`: fragment shader, complete, as a desktop driver takes it, with the author's line numbers; `vertex`: the
-    vertex shader to it. `roles`: what uniforms are for, by their names. `displays`: it shows what others have summed,
-    and nobody reads what it draws.
+    vertex shader to it, whose only attribute is the corners (-1, -1), (3, -1) and (-1, 3) of one triangle. `roles`:
+    what uniforms are for, by their names. `displays`: it shows what others have summed, and nobody reads what it draws.
     """
 
     name: str

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from harness.errors import ShaderError
 from harness.shader.conditionals import preprocess
@@ -51,19 +52,25 @@ def declarations(source: ShaderSource, defines: Mapping[str, str] | None = None,
     """Everything declared outside of functions in a joined text (harness/shader/includes.py), where `defines` hold.
 
     `vertex`: the text is a vertex shader, whose `in` are attributes (they are told as varyings are).
-    Raises ShaderError, with file and line, for storage that only its own program can fill.
+    Raises ShaderError, with file and line, for storage that only its own program can fill. It is remembered:
+    leave it as it is.
     """
+    return _declarations(source, tuple(sorted((defines or {}).items())), vertex)
+
+
+@lru_cache(maxsize=16)
+def _declarations(source: ShaderSource, defines: tuple[tuple[str, str], ...], vertex: bool) -> Declarations:
     found = Declarations()
     for name in re.findall(r"[A-Za-z_]\w*", source.text):
         found.names[name] = found.names.get(name, 0) + 1
-    seen = preprocess(source.text, defines)
+    seen = preprocess(source.text, dict(defines))
     structures: dict[str, list[tuple[str, str, int]]] = {}
     for statement in _statements(tokens(seen.text)):
         _Statement(source, statement, seen.macros, structures, vertex).read(found)
     return found
 
 
-def _statements(found: list[Token]) -> Iterator[list[Token]]:
+def _statements(found: Sequence[Token]) -> Iterator[Sequence[Token]]:
     """The tokens of each declaration at the outermost level, up to its `;`, or to the `{` of a function."""
     start = index = 0
     while index < len(found):
@@ -83,7 +90,7 @@ def _statements(found: list[Token]) -> Iterator[list[Token]]:
 
 
 class _Statement:
-    def __init__(self, source: ShaderSource, found: list[Token], macros: Mapping[str, str],
+    def __init__(self, source: ShaderSource, found: Sequence[Token], macros: Mapping[str, str],
                  structures: dict[str, list[tuple[str, str, int]]], vertex: bool) -> None:
         self._source, self._tokens, self._macros, self._structures = source, found, macros, structures
         self._vertex = vertex
@@ -113,7 +120,7 @@ class _Statement:
             return
         kind = self._type()
         if self._text() == "{" and storage:
-            self._refuse(f"a block, '{kind}'") if storage == "uniform" else self._refuse(f"an interface block, '{kind}'")
+            self._refuse(f"{'a block' if storage == 'uniform' else 'an interface block'}, '{kind}'")
         if self._text(1) == "(" and self._tokens[-1].text == "{":
             found.functions.setdefault(self._text(), []).append(place(self._source, self._tokens[self._at].start))
             found.declared.add(self._text())
@@ -121,8 +128,9 @@ class _Statement:
         self._names(found, storage, kind, layout, flat)
 
     def _refuse(self, what: str) -> None:
-        raise ShaderError(f"{place(self._source, self._tokens[self._at].start)}: {what}: only its own program knows what "
-                          "is in it; write the data into the shader as constants, or as single uniforms")
+        token = self._tokens[min(self._at, len(self._tokens) - 1)]
+        raise ShaderError(f"{place(self._source, token.start)}: {what}: only its own program knows what is in it; "
+                          "write the data into the shader as constants, or as single uniforms")
 
     def _text(self, ahead: int = 0) -> str:
         return self._tokens[self._at + ahead].text if self._at + ahead < len(self._tokens) else ""
@@ -181,10 +189,10 @@ class _Statement:
             found.declared.add(name)
             where = place(self._source, token.start)
             if storage == "uniform":
-                if kind.lstrip("iu").startswith("image") or kind == "atomic_uint":
+                if re.match(r"[iu]?image|atomic_uint", kind):
                     self._refuse(f"an {kind}, '{name}'")
                 found.uniforms += self._members(kind, name, where, size, initialised)
-            elif storage in ("varying", "in") or (storage == "attribute" and self._vertex):
+            elif storage in ("attribute", "in") if self._vertex else storage in ("varying", "in"):
                 found.varyings.append(Varying(kind, name, where, layout, flat))
             elif storage == "out":
                 found.outputs.append((kind, name))
@@ -203,8 +211,8 @@ def entry(source: ShaderSource, found: Declarations) -> str:
     for name in ("main", "mainImage"):
         places = found.functions.get(name, [])
         if len(places) > 1:
-            raise ShaderError(f"{places[1]}: a second {name}(), the first is at {places[0]}; name one shader, or one file "
-                              "a pass")
-        if places:
+            raise ShaderError(f"{places[1]}: a second {name}(), the first is at {places[0]}; name one shader, or one "
+                              "file a pass")
+        if places or re.search(rf"#[^\n]*\bvoid\s+{name}\s*\(", source.text):  # a macro may write it
             return name
     raise ShaderError(f"{source.files[0][0]}:1: no void main() and no void mainImage(); name the file that holds it")

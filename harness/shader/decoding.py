@@ -31,8 +31,8 @@ def decoded(path: Path) -> Decoded:
         if not path.is_file():
             raise ShaderError(f"{path}: no such file; name a shader, or a folder of shaders")
         if (size := path.stat().st_size) > MAX_BYTES:
-            raise ShaderError(f"{path}: {size / 2**20:.1f} MB, but a shader has at most {MAX_BYTES >> 20} MB; is this the "
-                              "right file?")
+            raise ShaderError(f"{path}: {size / 2**20:.1f} MB, but a shader has at most {MAX_BYTES >> 20} MB; is this "
+                              "the right file?")
         data = path.read_bytes()
     except OSError as error:
         raise ShaderError(f"{path}: the file cannot be read ({error.strerror}); unlock it") from None

@@ -21,11 +21,15 @@ _GUARD = re.compile(r"\s*#[ \t]*(?:pragma[ \t]+once\b|ifndef[ \t]+(\w+)[^\n]*\n\
 
 @dataclass(frozen=True)
 class Piece:
-    """A text of somebody's: `name`: what messages call it; `folder`: where its includes are looked up, if anywhere."""
+    """A text of somebody's: `name`: what messages call it; `folder`: where its includes are looked up, if anywhere.
+
+    `shown`: the author's lines, which messages show, where `text` has others.
+    """
 
     name: str
     text: str
     folder: Path | None = None
+    shown: str = ""
 
 
 def joined(pieces: Sequence[Piece], defines: Mapping[str, str] | None = None) -> ShaderSource:
@@ -35,11 +39,11 @@ def joined(pieces: Sequence[Piece], defines: Mapping[str, str] | None = None) ->
     Those that the preprocessor leaves out where `defines` are defined are left out. No comment, no `#include` and no
     `#line` of the author's remains.
 
-    Raises ShaderError, with file and line, for an include that does not exist, that climbs out, or that includes itself.
+    Raises ShaderError, with file and line, for an include that does not exist, climbs out, or includes itself.
     """
     join = _Join(dict(defines or {}))
     for piece in pieces:
-        join.add(piece.name, piece.text, piece.folder, piece.folder, (piece.name,))
+        join.add(piece.name, piece.text, piece.folder, piece.folder, (piece.name,), piece.shown)
     return ShaderSource("".join(join.output), tuple(join.files))
 
 
@@ -51,8 +55,9 @@ class _Join:
     taken: set[Path] = field(default_factory=set)
     size: int = 0
 
-    def add(self, name: str, text: str, folder: Path | None, root: Path | None, chain: tuple[str, ...]) -> None:
-        self.files.append((name, text))
+    def add(self, name: str, text: str, folder: Path | None, root: Path | None, chain: tuple[str, ...],
+            shown: str = "") -> None:
+        self.files.append((name, shown or text))
         self.size += len(text)
         number = len(self.files)
         if self.size > MAX_BYTES:
@@ -81,13 +86,13 @@ class _Join:
     def _include(self, at: str, what: str, folder: Path | None, root: Path | None, chain: tuple[str, ...]) -> None:
         quoted = _QUOTED.match(what.strip())
         if not quoted:
-            raise ShaderError(f"{at}: '#include {what.strip()}' is a piece of its own program; put the text in its place")
+            raise ShaderError(f"{at}: '#include {what.strip()}' is a piece of its own program; put its text here")
         if folder is None or root is None:
-            raise ShaderError(f'{at}: an include, "{quoted[1]}", in a text that is not a file; put its text in its place')
+            raise ShaderError(f'{at}: an include, "{quoted[1]}", in a text that is no file; put its text here')
         target = (folder / quoted[1].replace("\\", "/")).resolve()
         if not target.is_relative_to(root.resolve()):
-            raise ShaderError(f'{at}: the include "{quoted[1]}" leads out of the folder of the shader; copy the file into '
-                              "that folder")
+            raise ShaderError(f'{at}: the include "{quoted[1]}" leads out of the folder of the shader; copy the file '
+                              "into that folder")
         if not target.is_file():
             raise ShaderError(f'{at}: no such file "{quoted[1]}" in the folder of the shader; put it there')
         shown = str(folder / quoted[1])

@@ -28,6 +28,8 @@ _RENAMED = {"varying": "in", "texture2D": "texture", "textureCube": "texture", "
             "texture2DLodEXT": "textureLod", "textureCubeLodEXT": "textureLod", "texture2DProj": "textureProj",
             "texture2DGradEXT": "textureGrad", "texture3D": "texture"}
 
+_OLD_WORD = re.compile(rf"\b(?:{'|'.join(_RENAMED)})\b")
+
 
 @dataclass(frozen=True)
 class Language:
@@ -74,8 +76,9 @@ def said_version(source: ShaderSource) -> tuple[Language | None, str]:
     if es:
         return Language(number, True), ""
     taken = min(max(number, OLDEST), NEWEST)
-    note = "" if taken == number else f"{at}: taken as GLSL {taken // 100}.{taken % 100:02}, not {number // 100}.{number % 100:02}"
-    return Language(taken), note
+    if taken == number:
+        return Language(number), ""
+    return Language(taken), f"{at}: GLSL {number // 100}.{number % 100:02} is taken as {taken // 100}.{taken % 100:02}"
 
 
 def complete(source: ShaderSource, language: Language, declares: Sequence[str] = (),
@@ -107,4 +110,5 @@ def complete(source: ShaderSource, language: Language, declares: Sequence[str] =
 def _renamed(text: str, language: Language) -> dict[str, str]:
     if language.old:
         return {}
-    return {old: new for old, new in _RENAMED.items() if re.search(rf"\b{old}\b", text)}
+    found = set(_OLD_WORD.findall(text))
+    return {old: new for old, new in _RENAMED.items() if old in found}

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple
 
 from harness.errors import ShaderError
 from harness.shader.source import LINE_STRIDE, ShaderSource
@@ -18,8 +20,7 @@ _LINE = re.compile(r"^[ \t]*#[ \t]*line[ \t]+(\d+)[^\n]*\n", re.MULTILINE)
 _INVISIBLE = str.maketrans({"\u00a0": " ", "\u200b": " ", "\u200c": " ", "\u200d": " ", "\ufeff": " ", "\u2028": "\n"})
 
 
-@dataclass(frozen=True)
-class Token:
+class Token(NamedTuple):
     """A name, a number or one character of punctuation, and where it stands in the text."""
 
     kind: str
@@ -48,22 +49,29 @@ def without_comments(text: str, file: str) -> str:
     bare = _HIDDEN.sub(blank, text).translate(_INVISIBLE)
     if (strange := re.search(r"[^\x00-\x7f]", re.sub(r'"[^"\n]*"', lambda quoted: hidden(quoted[0]), bare))):
         line = bare.count("\n", 0, strange.start()) + 1
-        raise ShaderError(f"{file}:{line}: the character '{strange[0]}' (U+{ord(strange[0]):04X}) outside of a comment; "
-                          "GLSL is written in ASCII, type it anew")
+        raise ShaderError(f"{file}:{line}: the character '{strange[0]}' (U+{ord(strange[0]):04X}) outside of a "
+                          "comment; GLSL is written in ASCII, type it anew")
     return bare
 
 
-def tokens(text: str) -> list[Token]:
+@lru_cache(maxsize=16)
+def tokens(text: str) -> tuple[Token, ...]:
     """The tokens of a text without comments and directives."""
-    return [Token(match.lastgroup or "", match[0], match.start(), match.end()) for match in _TOKEN.finditer(text)]
+    return tuple(Token(match.lastgroup or "", match[0], match.start(), match.end()) for match in _TOKEN.finditer(text))
+
+
+@lru_cache(maxsize=16)
+def _numbering(text: str) -> tuple[list[int], list[int]]:
+    """Where the lines behind each `#line` begin, and the number of the first of them."""
+    found = list(_LINE.finditer(text))
+    return [0, *(match.end() for match in found)], [1, *(int(match[1]) for match in found)]
 
 
 def number_at(text: str, offset: int) -> int:
     """The line number that the last `#line` before `offset` gives it (see LINE_STRIDE)."""
-    begin, number = 0, 1
-    for match in _LINE.finditer(text, 0, offset):
-        begin, number = match.end(), int(match[1])
-    return number + text.count("\n", begin, offset)
+    begins, numbers = _numbering(text)
+    last = bisect_right(begins, offset) - 1
+    return numbers[last] + text.count("\n", begins[last], offset)
 
 
 def place(source: ShaderSource, offset: int) -> str:
@@ -73,7 +81,7 @@ def place(source: ShaderSource, offset: int) -> str:
     return f"{name}:{line}"
 
 
-def closing(found: list[Token], opening: int) -> int:
+def closing(found: Sequence[Token], opening: int) -> int:
     """The index of the token that closes the bracket at `opening`; the number of tokens where none does."""
     pairs: Mapping[str, int] = {"(": 1, "[": 1, "{": 1, ")": -1, "]": -1, "}": -1}
     depth = 0

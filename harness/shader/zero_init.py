@@ -5,7 +5,7 @@ One in five public path tracers on Shadertoy draws another picture without it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from harness.shader.conditionals import preprocess
@@ -82,7 +82,7 @@ def zero_initialised(text: str, defines: Mapping[str, str] | None = None) -> str
     return "".join([*parts, text[done:]])
 
 
-def _entry(found: list[Token], name: str) -> int | None:
+def _entry(found: Sequence[Token], name: str) -> int | None:
     """The token that opens the body of a function."""
     for index in range(len(found) - 3):
         if found[index].text == "void" and found[index + 1].text == name and found[index + 2].text == "(":
@@ -95,7 +95,7 @@ def _entry(found: list[Token], name: str) -> int | None:
 class _Reader:
     """Goes through the tokens once and collects what to write where."""
 
-    def __init__(self, found: list[Token], types: _Types) -> None:
+    def __init__(self, found: Sequence[Token], types: _Types) -> None:
         self._tokens, self._types = found, types
         self._edits: list[tuple[int, str]] = []
         self._late: list[str] = []  # for globals, at the beginning of the entry function
@@ -107,6 +107,9 @@ class _Reader:
             text = self._text(index)
             if self._starts(index) and (after := self._declaration(index)):
                 index = after
+                continue
+            if text == "struct":  # that of a constant or a uniform
+                index = self._structure(index, named=False)
                 continue
             self._depth += {"{": 1, "}": -1}.get(text, 0)
             index += 1
@@ -178,14 +181,14 @@ class _Reader:
             self._edits.append((self._tokens[index].end, " " + " ".join(after)))
         return index
 
-    def _structure(self, index: int) -> int:
+    def _structure(self, index: int, named: bool = True) -> int:
         name = self._text(index + 1) if self._text(index + 1) != "{" else ""
         opening = index + (2 if name else 1)
         end = closing(self._tokens, opening)
         members = list(self._members(opening + 1, end))
         if name and all(members):
             self._types.structures[name] = [member for member in members if member]
-        if name in self._types.structures and self._text(end + 1) != ";":
+        if named and name in self._types.structures and self._text(end + 1) != ";":
             return self._declarators(end + 1, name, ())
         return end + 1
 

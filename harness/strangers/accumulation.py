@@ -54,6 +54,12 @@ def judge_accumulation(result: np.ndarray, singles: np.ndarray, law: Law) -> Acc
     residual = float(np.sqrt(((whole - each.T @ weights)**2).mean())) / size
     if rank == frames and residual < RESIDUAL:
         return _of_weights(weights, factor)
+    # What the past held before the first frame, perhaps: the same in all pixels.
+    more = np.concatenate([each, np.ones((1, each.shape[1]))])
+    weights, _, rank, _ = np.linalg.lstsq(more.T, whole, rcond=1e-6)
+    if rank == frames + 1 and float(np.sqrt(((whole - more.T @ weights)**2).mean())) < RESIDUAL * size:
+        return Accumulation("fail", f"{weights[-1]:+.3g} is in the result besides its {frames} frames: the past that "
+                            "the first frame begins from is not empty", frames, True, weights[:-1], factor)
     return _of_noise(whole, each, factor, residual)
 
 
@@ -70,13 +76,14 @@ def _of_weights(weights: np.ndarray, factor: float) -> Accumulation:
         return Accumulation("pass", f"the loop throws {which} away, and averages the rest exactly", frames, True,
                             weights, factor)
     if even and 0 < thrown <= frames // 2:
-        told = (f"the loop throws its first {thrown} frame{'s' * (thrown > 1)} away but counts them: what is left counts "
-                f"{total:.4g} together instead of 1")
+        told = (f"the loop throws its first {thrown} frame{'s' * (thrown > 1)} away but counts them: what is left "
+                f"counts {total:.4g} together instead of 1")
     elif even and thrown == 0:
-        told = f"all frames count alike, but {total:.4g} together instead of 1: it is divided by another number of frames"
+        told = (f"all frames count alike, but {total:.4g} together instead of 1: it is divided by another number of "
+                "frames")
     elif abs(weights[-1]) > 0.95 and np.abs(weights[:-1]).max() < 0.05:
         told = "only the last frame is left: the past is lost"
-    elif frames > 3 and np.abs(weights[1:-1] / weights[2:] - weights[-2] / weights[-1]).max() < UNEVEN:
+    elif _fades(weights):
         effective = float(weights.sum()**2 / (weights**2).sum())
         told = f"old frames fade, so it never converges: it keeps the noise of about {effective:.3g} frames"
     else:
@@ -84,6 +91,14 @@ def _of_weights(weights: np.ndarray, factor: float) -> Accumulation:
         told = (f"frame {worst} counts {fair[worst] / float(np.median(fair)):.3g} times as much as the others, all "
                 f"together {total:.4g} instead of 1")
     return Accumulation("fail", told, frames, True, weights, factor)
+
+
+def _fades(weights: np.ndarray) -> bool:
+    """Whether each frame counts the same part of the next."""
+    if not (np.abs(weights) > 0).all() or len(weights) < 4:
+        return False
+    ratios = weights[1:-1] / weights[2:]
+    return bool(np.ptp(ratios) < UNEVEN and ratios.max() < 1 - UNEVEN)
 
 
 def _of_noise(whole: np.ndarray, each: np.ndarray, factor: float, residual: float) -> Accumulation:

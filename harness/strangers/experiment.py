@@ -32,13 +32,16 @@ FLOOD = 0.5
 STALE, LATER = 7.0, 1000.25
 # Means that must agree: standard errors, and part of the mean.
 CERTAIN, MATTERS = 8.0, 0.02
+# Quantile at which samples are clipped; the share of a first frame's pixels that lie outside all later ones.
+CLIP, OUTSIDE = 0.95, 0.25
 # Films of two sizes see other things at their edges; their means differ by less.
 BY_SIZE = 0.15
 # Frames that are compared with and without a line of the author's.
 TRIAL_FRAMES = 4
 
 
-def experiment(contract: Contract, process: Process, size: tuple[int, int] = SIZE, *, thorough: bool = True) -> Findings:
+def experiment(contract: Contract, process: Process, size: tuple[int, int] = SIZE, *,
+               thorough: bool = True) -> Findings:
     """All that can be found out of a shader by itself, on a film of `size` (width, height) or the author's own.
 
     `thorough`: lines of the author's are tried too, and films of another size. ShaderError for a shader that does not
@@ -73,26 +76,28 @@ class _Experiments:
 
     def run(self, *, thorough: bool) -> Findings:
         """All of them. What makes later ones pointless ends them."""
+        cut = list(self._iterations())
+        frames = FRAMES if cut else SEED_FRAMES  # a loop that was cut short takes its time in every frame
         result = self.process.loop(FRAMES)
         alone = self._alone(range(self.first, self.first + FRAMES))
         accumulation = self._accumulation(radiance_of(result, self.law, FRAMES), alone)
-        stack = self._alone(range(self.first + 1, self.first + 1 + SEED_FRAMES))
-        found = list(self._samples_alone(stack, result))
+        stack = self._alone(range(self.first + 1, self.first + 1 + frames))
+        found = [*cut, *self._samples_alone(stack, result)]
         encoding: Encoding = ""
-        if not any(one.kind in ("never_writes", "black", "nan_flood") for one in found):
+        if not any(one.kind in HOPELESS for one in found):
             found += self._joined(accumulation)
             clock = list(self._clock(stack))
-            found += [*self._past(), *clock, *self._weights(stack), *self._unset(stack)]
+            found += [*self._past(), *clock, *self._first_frame(alone[0], stack), *self._weights(stack)]
             if not any(one.kind == "clock" for one in clock):  # what moves repeats
                 found += self._seeds(stack)
-            if thorough:
-                found += [*self._iterations(), *self._sizes(stack, found)]
+            if thorough and not cut:
+                found += [*self._unset(stack), *self._sizes(stack, found)]
                 tried, encoding = self._lines()
                 found += tried
         self.process.open(self.contract, self.size)
         order = {"fault": 0, "warning": 1, "note": 2}
         return Findings(self.contract, self.found.told, accumulation,
-                        tuple(sorted(found, key=lambda one: order[one.severity])), encoding, SEED_FRAMES)
+                        tuple(sorted(found, key=lambda one: order[one.severity])), encoding, frames)
 
     def _alone(self, numbers: range, contract: Contract | None = None) -> np.ndarray:
         """Samples of single frames, (F, H, W, 3)."""
@@ -103,8 +108,8 @@ class _Experiments:
     def _accumulation(self, result: np.ndarray, alone: np.ndarray) -> Accumulation:
         verdict = judge_accumulation(result, alone, self.law)
         if self.found.shift:
-            return replace(verdict, outcome="fail", told=f"a pixel of the past {self.found.shift}: it is read in another "
-                           "place than it was written to")
+            return replace(verdict, outcome="fail", told=f"a pixel of the past {self.found.shift}: it is read in "
+                           "another place than it was written to")
         return verdict
 
     def _joined(self, accumulation: Accumulation) -> Iterator[Finding]:
@@ -130,7 +135,8 @@ class _Experiments:
         untouched = float((drawn == np.float32(STALE)).all(axis=-1).mean())
         broken = float((~np.isfinite(stack).all(axis=-1)).mean())
         if not lines.writes(self.contract) or (untouched == 1.0 and not np.nan_to_num(stack).any()):
-            yield Finding("never_writes", "fault", "shader", "it never writes its output: a frame leaves what was there")
+            yield Finding("never_writes", "fault", "shader",
+                          "it never writes its output: a frame leaves what was there")
             return
         if untouched > 0 and self.law.kind != "sum":
             yield Finding("leaves_pixels", "warning", "shader",
@@ -140,8 +146,8 @@ class _Experiments:
             yield Finding("black", "fault", "estimator", "every pixel of every frame is 0: it shows nothing")
         if broken > FLOOD:
             yield Finding("nan_flood", "fault", "estimator",
-                          f"{broken:.0%} of all samples are not finite; look for a division by zero, a root or power of "
-                          "a negative number, or normalize(vec3(0))", evidence=(("share", broken),))
+                          f"{broken:.0%} of all samples are not finite; look for a division by zero, a root or power "
+                          "of a negative number, or normalize(vec3(0))", evidence=(("share", broken),))
         elif broken > 0:
             lost = float((~np.isfinite(result).all(axis=-1)).mean())
             yield Finding("not_finite", "fault", "estimator",
@@ -159,7 +165,7 @@ class _Experiments:
             self.process.clear(value)
             self.process.frame(Moment.of(self.first, 0))
             drawn.append(self.process.read(self.contract.radiance)[inner(self.size)][:, :3])
-        if self.contract.host in STALE_HOSTS and not np.array_equal(*drawn, equal_nan=True):
+        if self.contract.host in STALE_HOSTS and not np.array_equal(drawn[0], drawn[1], equal_nan=True):
             yield Finding("stale_past", "fault", "accumulation",
                           "the first frame reads its past, which in Gratin holds whatever was drawn before; begin anew "
                           f"where the frame's number is {self.first}")
@@ -178,7 +184,9 @@ class _Experiments:
         later ones."""
         if self.law.kind != "mean":
             return
-        each = np.nan_to_num(luminance(stack)).mean(axis=(1, 2))
+        values = np.nan_to_num(luminance(stack))
+        # Rare bright samples, which may be in a few frames or in none of them, are cut off.
+        each = np.minimum(values, np.quantile(values[len(values) // 2:], CLIP, axis=0)).mean(axis=(1, 2))
         early, late = each[:3], each[len(each) // 2:]
         error = float(late.std(ddof=1)) * np.sqrt(1 / len(early) + 1 / len(late))
         away = float(early.mean() - late.mean())
@@ -187,6 +195,23 @@ class _Experiments:
                           f"the weight of the new frame is not what the past leaves: its first frames come out "
                           f"{early.mean() / late.mean():.3g} times as bright as later ones",
                           evidence=(("ratio", float(early.mean() / late.mean())),))
+
+    def _first_frame(self, first: np.ndarray, stack: np.ndarray) -> Iterator[Finding]:
+        """Is the first frame like the others? Of a right one, one pixel in some hundred is beyond all later ones."""
+        values, begun = np.nan_to_num(luminance(stack)), np.nan_to_num(luminance(first))
+        room = 1e-4 * np.abs(values).max()
+        noisy = np.ptp(values, axis=0) > room
+        beyond = (begun > values.max(axis=0) + room) | (begun < values.min(axis=0) - room)
+        share = float(beyond.mean())
+        if self.law.kind in ("sum", "mean") and noisy.any() and share > OUTSIDE and not self._thrown_away():
+            yield Finding("first_frame", "fault", "accumulation",
+                          f"the first frame is none like the others: {share:.0%} of its pixels lie outside all that "
+                          "later frames have there, so the past that it begins from is not empty",
+                          evidence=(("share", share),))
+
+    def _thrown_away(self) -> bool:
+        """Whether the first frame does not count anyway."""
+        return bool(self.law.measured) and self.law.measured[0][1] < 1e-3
 
     def _clock(self, stack: np.ndarray) -> Iterator[Finding]:
         """Does the clock change the samples, or even the picture?"""
@@ -197,12 +222,12 @@ class _Experiments:
         if np.array_equal(frozen, then, equal_nan=True):
             return
         if _equal_frames(frozen) and not _equal_frames(then):
-            yield Finding("seeds_by_clock", "note", "seeds", "the random numbers come from the clock alone: frames at the "
-                          "same time are the same")
+            yield Finding("seeds_by_clock", "note", "seeds",
+                          "the random numbers come from the clock alone: frames at the same time are the same")
             return
         if away := _parts(frozen, then):
-            yield Finding("clock", "fault", "estimator", f"the picture itself changes with the clock ({away}): frames of "
-                          "different times cannot be averaged")
+            yield Finding("clock", "fault", "estimator", f"the picture itself changes with the clock ({away}): frames "
+                          "of different times cannot be averaged")
 
     def _unset(self, stack: np.ndarray) -> Iterator[Finding]:
         """Is it another picture where every variable starts at zero?"""
@@ -220,8 +245,8 @@ class _Experiments:
             where, name = warned[0] if warned else ("", "")
             which = f"'{name}'" if name else "some variable"
             yield Finding("unset_variable", "fault", "shader",
-                          f"{which} is read before it has a value: with all variables at zero {share:.1%} of the samples "
-                          "are others, and every driver has its own", where, (("share", share),))
+                          f"{which} is read before it has a value: with all variables at zero {share:.1%} of the "
+                          "samples are others, and every driver has its own", where, (("share", share),))
 
     def _sizes(self, stack: np.ndarray, found: Sequence[Finding]) -> Iterator[Finding]:
         """Is the picture the same on a larger film? Of noise that repeats nobody can tell."""
@@ -253,7 +278,7 @@ class _Experiments:
             where = lines.loops(self.contract)
             yield Finding("loop_cut", "fault", "shader",
                           f"a loop runs so long in {cut:.0%} of the pixels that the driver leaves it after "
-                          f"{self.process.facts['iterations']} iterations, without a word: give it a bound that ends it",
+                          f"{self.process.facts['iterations']} iterations, without a word: give it a bound",
                           where[0] if where else "", (("share", cut),))
 
     def _lines(self) -> tuple[list[Finding], Encoding]:
@@ -272,8 +297,8 @@ class _Experiments:
             if trial.encoding and lines.is_encoded(usual, without, trial.encoding):
                 encoding = trial.encoding
                 found.append(Finding("encodes_samples", "fault", "estimator",
-                                     f"each frame is encoded before it is averaged (`{trial.line}`): the mean of roots is "
-                                     "not the root of the mean; encode when you show it", trial.where))
+                                     f"each frame is encoded before it is averaged (`{trial.line}`): the mean of roots "
+                                     "is not the root of the mean; encode when you show it", trial.where))
                 break
             if trial.bound and (share := lines.clamped(usual, without, trial.bound)):
                 found.append(Finding("clamps_samples", "fault", "estimator",
@@ -284,6 +309,8 @@ class _Experiments:
         return found, encoding
 
 
+# What leaves nothing to look at.
+HOPELESS = ("never_writes", "black", "nan_flood")
 # Hosts whose ping-pong buffers nobody clears: Gratin's first frame reads what was there.
 STALE_HOSTS = ("gratin", "body", "native")
 

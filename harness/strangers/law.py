@@ -1,7 +1,7 @@
 """How a frame is joined to its past, found by drawing one and the same frame on doctored copies of that past.
 
-All random numbers stay as they are, so what changes is exact: out = a past + b sample, and `a` is a difference quotient.
-No line of the author's is read for it.
+All random numbers stay as they are, so what changes is exact: out = a past + b sample, and `a` is a difference
+quotient. No line of the author's is read for it.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ LEAST = 3
 MARGIN = 8
 # Offsets from which frames of a mean may be counted.
 OFFSETS = (0, 1, -1, 2, -2)
+Count = Literal["frame", "uniform", "alpha", "inverse_alpha"]
 ENCODINGS: tuple[Encoding, ...] = ("", "gamma", "sqrt", "srgb")
 
 
@@ -58,8 +59,8 @@ class _At:
 
 
 def find_law(source: FrameSource) -> LawFound:
-    """The law of the pass that holds radiance. A host's weight that proves to be that of the new frame is renamed, which
-    takes a second look."""
+    """The law of the pass that holds radiance. Whether a host's weight is that of the new frame is for
+    `weight_is_of_the_new` to say."""
     contract = source.contract
     one = radiance_pass(contract)
     if not any(channel.reads == "self" for channel in one.channels):
@@ -194,7 +195,7 @@ def _after_zeros(measured: tuple[tuple[int, float], ...]) -> tuple[tuple[int, fl
     return measured[kept:] if len(measured) - kept >= LEAST else measured
 
 
-def _counted(seen: Sequence[_At], law: Law, contract: Contract) -> tuple[Literal["frame", "uniform", "alpha", "inverse_alpha"], str]:
+def _counted(seen: Sequence[_At], law: Law, contract: Contract) -> tuple[Count, str]:
     """Where the number of frames stands, and how that shows."""
     last = seen[-1]
     steps = [at.alpha_step for at in seen]

@@ -75,8 +75,8 @@ def with_text(contract: Contract, text: str) -> Contract:
 
 
 def with_sentinel(contract: Contract) -> Contract | None:
-    """The contract whose radiance is what a loop counted that follows the author's `main`; None where there is no output
-    to write it to."""
+    """The contract whose radiance is what a loop counted that follows the author's `main`; None where there is no
+    output to write it to."""
     text = radiance_pass(contract).source.text
     flat = bare(text)
     output = _OUTPUT.search(flat)
@@ -121,7 +121,7 @@ def loops(contract: Contract) -> list[str]:
 
 
 def clamps(contract: Contract) -> Iterator[Trial]:
-    """Trials without one `min(x, 1.0)` or `clamp(x, 0.0, 1.0)`, the last in the text first: samples are clamped late."""
+    """Trials without one `min(x, 1.0)` or `clamp(x, 0.0, 1.0)`, the last in the text first: clamps come late."""
     for where, start, end, name, arguments in _calls(contract):
         bound = arguments[-1].strip()
         if name not in ("min", "clamp") or len(arguments) != {"min": 2, "clamp": 3}[name]:
@@ -182,7 +182,8 @@ def _calls(contract: Contract) -> Iterator[tuple[str, int, int, str, list[str]]]
 
 def _arguments(text: str, start: int) -> tuple[list[str], int]:
     """The arguments of a call whose bracket opens before `start`, and where it ends; 0 where it does not."""
-    depth, begin, found = 0, start, []
+    depth, begin = 0, start
+    found: list[str] = []
     for at in range(start, len(text)):
         character = text[at]
         if character in "([{":

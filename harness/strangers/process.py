@@ -44,13 +44,15 @@ class Limits:
     """What a stranger may take.
 
     `first`: seconds for compiling and for its first frame, in which drivers compile too. Later frames may take `factor`
-    times as long as the slowest before, and `least` seconds in any case. `memory`: bytes beyond what the driver takes.
-    `threads`: by how much the processor's seconds may exceed the clock's.
+    times as long as the slowest before, and `least` seconds in any case. They are those of the processor, times
+    `threads`; by the clock `patience` times as many pass on a machine that is busy. `memory`: bytes beyond what the
+    driver takes.
     """
 
     first: float = 60.0
     factor: float = 20.0
     least: float = 10.0
+    patience: float = 4.0
     memory: int = 4 << 30
     threads: int = os.cpu_count() or 1
 
@@ -207,7 +209,7 @@ class Process:
         try:
             child.stdin.write(json.dumps(order).encode() + b"\n")
             child.stdin.flush()
-            line = self._line(child.stdout.fileno(), seconds)
+            line = self._line(child.stdout.fileno(), seconds * self.limits.patience)
         except BrokenPipeError:
             line = b""
         except BaseException:  # Ctrl-C: the child has a session of its own, and would go on

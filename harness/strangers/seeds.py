@@ -86,12 +86,13 @@ def _equal(frames: np.ndarray) -> Repeat | None:
 
 
 def _rough(image: np.ndarray) -> bool:
-    """Whether an image looks like noise: most pixels are far from what their neighbours say."""
+    """Whether an image looks like noise: many pixels are far from what their neighbours say, or some very far."""
     if min(image.shape) < 3:
         return False
     around = (image[1:-1, :-2] + image[1:-1, 2:] + image[:-2, 1:-1] + image[2:, 1:-1]) / 4
     away = np.abs(image[1:-1, 1:-1] - around)
-    return bool((away > ROUGH * np.abs(image).mean()).mean() > 0.25)
+    size = np.abs(image).mean()
+    return bool((away > ROUGH * size).mean() > 0.25 or away.mean() > 0.25 * size)
 
 
 def _lag(noise: np.ndarray) -> Repeat | None:

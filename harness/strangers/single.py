@@ -31,8 +31,8 @@ class FrameSource(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Singles:
-    """Samples of single frames: their `sum`, (H, W, 3) float64, of those that were finite, of which each pixel `counted`
-    so many, (H, W); and, where asked for, all of them, (F, H, W, 3) float32. Rows as GL's."""
+    """Samples of single frames: their `sum`, (H, W, 3) float64, of those that were finite, of which each pixel
+    `counted` so many, (H, W); and, where asked for, all of them, (F, H, W, 3) float32. Rows as GL's."""
 
     sum: np.ndarray
     counted: np.ndarray

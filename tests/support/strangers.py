@@ -1,63 +1,89 @@
-"""Contracts made by hand: a bare Gratin body and a Shadertoy `mainImage` with feedback, without any reader of files."""
+"""Somebody's shaders for tests: written to files, read by their dialect, compiled and drawn once."""
 
 from __future__ import annotations
 
-from harness.shader.contract import Channel, Contract, Declared, ShaderPass
-from harness.shader.source import LINE_STRIDE, ShaderSource
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
-VERTEX = """#version 420 core
-out vec2 texcoord;
-void main()
-{
-    texcoord = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);
-    gl_Position = vec4(texcoord * 2.0 - 1.0, 0.0, 1.0);
-}
-"""
-GRATIN_HEAD = """#version 420
-layout(location = 0) out vec4 outBuffer0;
-uniform sampler2D pingpong0;
-uniform int numpass;
-"""
-TOY_HEAD = """#version 420
-uniform vec3 iResolution; uniform float iTime; uniform int iFrame; uniform vec4 iMouse; uniform sampler2D iChannel0;
-layout(location = 0) out vec4 toy_out_;
-void mainImage(out vec4 color, in vec2 coord);
-void main() { vec4 c = vec4(0.0, 0.0, 0.0, 1.0); mainImage(c, gl_FragCoord.xy); toy_out_ = c; }
-"""
-# PCG by pixel and number, in an expression `rnd()`.
-RANDOM = """
-uint state_;
-float rnd() { state_ = state_ * 747796405u + 2891336453u;
-  uint w = ((state_ >> ((state_ >> 28u) + 4u)) ^ state_) * 277803737u;
-  return float(((w >> 22u) ^ w) >> 8u) / 16777216.0; }
-uint hash_(uint x) { x ^= x >> 16u; x *= 0x7feb352du; x ^= x >> 15u; x *= 0x846ca68bu; return x ^ (x >> 16u); }
-void seed_(uvec2 p, uint n) { state_ = hash_(p.x + hash_(p.y + hash_(n))); }
-"""
+import numpy as np
+import pytest
+
+from harness.errors import HarnessError
+from harness.gpu.context import _line_offset, context
+from harness.shader.contract import Contract, ShaderPass
+from harness.shader.hosts import read
+from harness.shader.hosts.reading import Answer
+
+SIZE = (8, 6)
 
 
-def source(head: str, body: str, name: str) -> ShaderSource:
-    return ShaderSource(f"{head}#line {LINE_STRIDE + 1} 0\n{body}\n", ((name, body),))
+def written(folder: Path, **texts: str) -> list[Path]:
+    """Files with these texts: `buffer_a__glsl="…"` is 'buffer_a.glsl'."""
+    paths = []
+    for name, text in texts.items():
+        path = folder / name.replace("__", ".")
+        path.write_text(text, encoding="utf-8")
+        paths.append(path)
+    return paths
 
 
-def gratin(body: str, name: str = "body.frag", host: str = "gratin") -> Contract:
-    """A Gratin ping-pong node's body: `pingpong0`, `numpass`, `outBuffer0`, `texcoord`."""
-    one = ShaderPass("pingpong", source(GRATIN_HEAD, f"in vec2 texcoord;{RANDOM}\n{body}", name), VERTEX,
-                     (Channel("pingpong0", "self", linear=True),),
-                     (Declared("numpass", "int", f"{name}:1"),), (("numpass", "frame"),))
-    return Contract(host, (one,), "pingpong")
+def contract_of(folder: Path, host: str | None = None, values: Mapping[str, Answer] | None = None,
+                **texts: str) -> Contract:
+    """The contract of files with these texts; every pass of it compiles."""
+    contract = read(written(folder, **texts), host, values)
+    compiled(contract)
+    return contract
 
 
-def shadertoy(body: str, name: str = "BufferA.glsl") -> Contract:
-    """A Shadertoy buffer that reads itself on iChannel0."""
-    one = ShaderPass("Buffer A", source(TOY_HEAD, f"{RANDOM}\n{body}", name), VERTEX,
-                     (Channel("iChannel0", "self", linear=True),), (),
-                     (("iResolution", "resolution"), ("iTime", "time"), ("iFrame", "frame"), ("iMouse", "mouse")))
-    return Contract("shadertoy", (one,), "Buffer A")
+def compiled(contract: Contract) -> None:
+    """Compile every pass; ShaderError, as users see it, for one that does not."""
+    for one in contract.passes:
+        _program(one).release()
 
 
-# A sample in (0.1, 0.9) of three channels that differ, by pixel and frame.
-SAMPLE = "vec3(0.1) + vec3(0.8, 0.4, 0.2) * rnd()"
-SUM = ("void main() { uvec2 p = uvec2(gl_FragCoord.xy); seed_(p, uint(numpass)); vec4 old = numpass > 0 ? "
-       f"texelFetch(pingpong0, ivec2(p), 0) : vec4(0.0); outBuffer0 = old + vec4({SAMPLE}, 1.0); }}")
-MEAN = ("void mainImage(out vec4 c, in vec2 p) { seed_(uvec2(p), uint(iFrame)); "
-        f"vec3 old = texelFetch(iChannel0, ivec2(p), 0).rgb; vec3 s = {SAMPLE}; c = vec4(mix(old, s, 1.0 / float(iFrame + 1)), 1.0); }}")
+def refused(folder: Path, *says: str, host: str | None = None, values: Mapping[str, Answer] | None = None,
+            **texts: str) -> None:
+    """Files with these texts are refused, when they are read or compiled, in one line that holds all of `says`."""
+    with pytest.raises(HarnessError) as refusal:
+        compiled(read(written(folder, **texts), host, values))
+    message = str(refusal.value)
+    assert "\n" not in message
+    for part in says:
+        assert part in message
+
+
+def drawn(contract: Contract, **uniforms: Any) -> np.ndarray:
+    """What the radiance pass draws on a black past, (H, W, 4), row 0 at the bottom; `resolution` is set by role."""
+    one = next(one for one in contract.passes if one.name == contract.radiance)
+    gl, program = context(), _program(one)
+    corners = gl.buffer(np.array([-1, -1, 3, -1, -1, 3], "f4").tobytes())
+    target, black = gl.texture(SIZE, 4, dtype="f4"), gl.texture((1, 1), 4, b"\0\0\0\xff")
+    framebuffer = gl.framebuffer([target])
+    try:
+        values = {name: (*SIZE, 1.0)[:_dimension(program, name)] for name, role in one.roles if role == "resolution"}
+        for name, value in {**values, **dict(contract.values), **uniforms}.items():
+            if name in program:
+                program[name].value = value
+        black.use(0)
+        framebuffer.use()
+        gl.scissor = None
+        names = [name for name in program if name == "harness_corner"]
+        gl.vertex_array(program, [(corners, "2f", *names)] if names else []).render(vertices=3)
+        return np.frombuffer(target.read(), np.float32).reshape(SIZE[1], SIZE[0], 4)
+    finally:
+        resources: list[Any] = [program, corners, target, black, framebuffer]
+        for resource in resources:
+            resource.release()
+
+
+def _dimension(program: Any, name: str) -> int:
+    return program[name].dimension if name in program else 2
+
+
+def _program(one: ShaderPass) -> Any:
+    gl = context()
+    try:
+        return gl.program(vertex_shader=one.vertex, fragment_shader=one.source.text)
+    except Exception as error:  # moderngl's own, which only gpu imports
+        raise one.source.explain(str(error), _line_offset(gl)) from None

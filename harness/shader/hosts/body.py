@@ -10,7 +10,6 @@ from harness.errors import ShaderError
 from harness.shader.contract import Channel, Contract
 from harness.shader.declarations import declarations, entry
 from harness.shader.hosts.reading import Answer, Answers, Dialect, Frame, Given, make_contract, make_pass
-from harness.shader.hosts.written import written_samples
 from harness.shader.includes import joined
 from harness.shader.language import GRATIN
 from harness.shader.source import ShaderSource
@@ -31,8 +30,8 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
     summing = [file for file in files if re.search(r"\bpingpong\d\b", file.bare)]
     others = [file for file in files if file not in summing]
     if len(summing) > 1:
-        raise ShaderError(f"{summing[1].name}:1: a second body that reads pingpong0, the first is {summing[0].name}; name "
-                          "one, or the pipeline (.gra) that holds both")
+        raise ShaderError(f"{summing[1].name}:1: a second body that reads pingpong0, the first is {summing[0].name}; "
+                          "name one, or the pipeline (.gra) that holds both")
     first, *shows = [*summing, *others]
     source = joined([first.piece], GRATIN.macros)
     passes = [make_pass(first.path.stem, source, gratin_frame(source, answers.values), answers)]
@@ -41,7 +40,7 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
         frame = gratin_frame(source, answers.values, {"inBuffer0": f"pass:{first.path.stem}"}, displays=True)
         name = file.path.stem if file.path.stem != first.path.stem else f"{file.path.stem} (display)"
         passes.append(make_pass(name, source, frame, answers))
-    return make_contract("body", passes, answers, samples=written_samples(first.bare))
+    return make_contract("body", passes, answers)
 
 
 def gratin_frame(source: ShaderSource, values: Mapping[str, Answer], inputs: Mapping[str, str] = MappingProxyType({}),

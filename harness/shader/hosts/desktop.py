@@ -9,10 +9,9 @@ from harness.errors import ShaderError
 from harness.shader.contract import Contract
 from harness.shader.declarations import Declarations, declarations, entry
 from harness.shader.hosts.reading import Answers, Dialect, Frame, Given, make_contract, make_pass
-from harness.shader.hosts.written import written_samples, written_size
+from harness.shader.hosts.written import written_size
 from harness.shader.includes import Piece, joined
 from harness.shader.language import GRATIN, Language, said_version
-from harness.shader.source import ShaderSource
 
 _MAIN = re.compile(r"\bvoid\s+main\s*\(")
 _POSITION = re.compile(r"\bgl_Position\b")
@@ -40,15 +39,14 @@ def contract_of(pieces: Sequence[Piece], host: str, otherwise: Language, answers
     if version and version.macros != otherwise.macros:
         source = joined([fragment], language.macros)
     found = declarations(source, language.macros)
-    if entry(source, found) != "main":
-        raise ShaderError(f"{fragment.name}:1: mainImage() without main(); say --host shadertoy")
+    entry(source, found)
     frame = Frame(language, zero=language.es, vertex=vertex, lines=_three(found, language))
-    made = make_pass(fragment.name, source, frame, answers)
+    made = make_pass("main", source, frame, answers)
     asks = any(role in ("resolution", "width", "height", "aspect") for _, role in made.roles)
     size = None if asks or "textureSize" in found.names else written_size(source.text)
     if size:
         answers.note(f"{fragment.name}: the size of its image, {size[0]} x {size[1]}, is written into it")
-    return make_contract(host, [made], answers, size, written_samples(source.text))
+    return make_contract(host, [made], answers, size)
 
 
 def chosen(pieces: Sequence[Piece], answers: Answers) -> tuple[Piece, Piece | None]:
@@ -63,8 +61,8 @@ def chosen(pieces: Sequence[Piece], answers: Answers) -> tuple[Piece, Piece | No
     best = max(fragments, key=lambda piece: (bool(_FEEDBACK.search(piece.text)), len(piece.text.split())))
     for piece in fragments:
         if piece is not best:
-            answers.note(f"{piece.name}:{_line(piece)}: another fragment shader, which is left out; name the one to be judged "
-                         f"alone if it is not that of line {_line(best)}")
+            answers.note(f"{piece.name}:{_line(piece)}: another fragment shader, which is left out; name the one to be "
+                         f"judged alone if it is not that of line {_line(best)}")
     wanted = set(re.findall(r"\b(?:varying|in)\s+(?:\w+\s+)?\w+\s+(\w+)\s*;", best.text))
     vertices = [piece for piece in mains if _POSITION.search(piece.text)
                 and wanted <= set(re.findall(r"\w+", piece.text))]
@@ -84,4 +82,3 @@ def _three(found: Declarations, language: Language) -> list[str]:
 
 
 DIALECT = Dialect("desktop", "a fragment shader for OpenGL", holds, read)
-__all__ = ["DIALECT", "ShaderSource", "chosen", "contract_of"]

@@ -10,7 +10,6 @@ from harness.errors import ShaderError
 from harness.shader.contract import Channel, Contract, Role
 from harness.shader.declarations import declarations, entry
 from harness.shader.hosts.reading import Answers, Dialect, Frame, Given, make_contract, make_pass
-from harness.shader.hosts.written import written_samples
 from harness.shader.includes import joined
 from harness.shader.language import OLDEST, Language, said_version
 
@@ -55,7 +54,7 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
         passes.append(make_pass(name, source, frame, answers))
     if not passes:
         raise ShaderError(f"{file.name}:1: none of its passes has a main(); write one within '#ifdef DOUBLE_BUFFER_0'")
-    return make_contract("glslviewer", passes, answers, samples=written_samples(file.bare))
+    return make_contract("glslviewer", passes, answers)
 
 
 def _sampler(buffer: str) -> str:

@@ -15,7 +15,6 @@ from harness.errors import ShaderError
 from harness.shader.contract import Contract, Value
 from harness.shader.hosts.body import gratin_frame
 from harness.shader.hosts.reading import Answers, Dialect, Given, make_contract, make_pass
-from harness.shader.hosts.written import written_samples
 from harness.shader.includes import Piece, joined
 from harness.shader.language import GRATIN
 
@@ -68,7 +67,7 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
     nodes = _nodes(file)
     drawn = _in_order([node for node in nodes if node.kind in _SHADERS], file)
     if not drawn:
-        raise ShaderError(f"{file.name}:1: no node that holds a shader; add a 'genericPingPong' node with the path tracer")
+        raise ShaderError(f"{file.name}:1: no node that holds a shader; put a path tracer into a ping-pong node")
     fed = {source for node in drawn for source in node.inputs.values()}
     names = _names(drawn)
     passes = []
@@ -85,19 +84,19 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
         values = {name: value for name, value in answers.values.items() if name not in known}
         for parameter in node.parameters:
             said = answers.take(parameter.name)
-            if said is None and parameter.value is not None:
-                answers.kept[parameter.name] = parameter.value
+            if said is None and parameter.value is not None and (
+                    answers.kept.setdefault(parameter.name, parameter.value) != parameter.value):
+                answers.note(f"{piece.name}: '{parameter.name}' has another value in an earlier node; that is taken")
         frame = gratin_frame(source, values, inputs, [(one.kind, one.name) for one in node.parameters],
                              displays=not sums and node.index not in fed and len(drawn) > 1, linear=linear)
         passes.append(make_pass(names[node.index], source, frame, answers))
         width, height = _pair(node.data, "genericTOffset")
         if sums and width > 1 and height > 1:
-            answers.note(f"{piece.name}: Gratin draws it at {width} x {height}, {node.value('pingPongNumber', '1')} passes at "
-                         "a time")
+            answers.note(f"{piece.name}: Gratin draws it at {width} x {height}, {node.value('pingPongNumber', '1')} "
+                         "passes at a time")
     has_value = set(answers.kept)
     answers.unknown = [uniform for uniform in answers.unknown if uniform.name not in has_value]
-    bodies = "\n".join(text for one in passes for _, text in one.source.files)
-    return make_contract("gratin", passes, answers, samples=written_samples(bodies))
+    return make_contract("gratin", passes, answers)
 
 
 def _nodes(file: Given) -> list[Node]:
@@ -175,8 +174,8 @@ def _in_order(drawn: Sequence[Node], file: Given) -> list[Node]:
     while left:
         ready = [node for node in left if not any(other.index in node.inputs.values() for other in left)]
         if not ready:
-            raise ShaderError(f"{file.name}:1: the nodes {', '.join(repr(node.name) for node in left)} feed each other in a "
-                              "circle; only a ping-pong node may read its own past")
+            raise ShaderError(f"{file.name}:1: the nodes {', '.join(repr(node.name) for node in left)} feed each other "
+                              "in a circle; only a ping-pong node may read its own past")
         result += ready
         left = [node for node in left if node not in ready]
     return result
@@ -201,8 +200,8 @@ def _inputs(node: Node, nodes: Sequence[Node], names: Mapping[int, str], file: G
         elif image := _image(source):
             inputs[name] = f"file:{file.path.parent / PurePath(image)}"
         else:
-            raise ShaderError(f"{file.name}:1: '{name}' of the node '{node.name}' is fed by '{source.name}', a node of the "
-                              f"type '{source.kind}'; only images and the types {' and '.join(_SHADERS)} are known")
+            raise ShaderError(f"{file.name}:1: '{name}' of the node '{node.name}' is fed by '{source.name}', a node of "
+                              f"the type '{source.kind}'; only images and the types {' and '.join(_SHADERS)} are known")
     return inputs, frozenset(linear)
 
 

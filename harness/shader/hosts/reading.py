@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import get_args
@@ -14,6 +14,7 @@ from harness.shader.contract import Channel, Contract, Declared, Role, ShaderPas
 from harness.shader.declarations import Declarations, declarations
 from harness.shader.hosts.roles import channel_of, role_of
 from harness.shader.hosts.vertex import RANGES, authors, synthesised
+from harness.shader.hosts.written import written_samples
 from harness.shader.includes import Piece
 from harness.shader.language import Language, complete
 from harness.shader.lexer import without_comments
@@ -21,6 +22,10 @@ from harness.shader.source import ShaderSource
 
 ROLES: tuple[str, ...] = get_args(Role)
 STAND_INS = ("self", "keyboard", "noise", "black", "white", "cube", "volume")
+# Pages, scripts, and C++, which holds shaders in raw strings.
+PAGES = (".html", ".htm", ".vue", ".svelte")
+SCRIPTS = (".js", ".mjs", ".cjs", ".ts", ".jsx", ".tsx", *PAGES)
+PROGRAMS = (*SCRIPTS, ".cpp", ".cc", ".cxx", ".hpp", ".h", ".c")
 # What somebody may say of a uniform: its value, its role, what a sampler reads, or the range of a varying.
 Answer = Value | str
 
@@ -38,10 +43,15 @@ class Given:
         """What messages call it."""
         return str(self.path)
 
+    @property
+    def in_program(self) -> bool:
+        """Whether it is a page or a program that may hold shaders, and no shader itself."""
+        return self.path.suffix.lower() in PROGRAMS
+
     @cached_property
     def bare(self) -> str:
-        """Its text without comments. ShaderError as for `without_comments`."""
-        return without_comments(self.text, self.name)
+        """Its text without comments, nothing of a program's. ShaderError as for `without_comments`."""
+        return "" if self.in_program else without_comments(self.text, self.name)
 
     @property
     def piece(self) -> Piece:
@@ -106,7 +116,10 @@ class Frame:
 
 
 def make_pass(name: str, source: ShaderSource, frame: Frame, answers: Answers) -> ShaderPass:
-    """A pass from a joined text (harness/shader/includes.py). ShaderError, with file and line, where it cannot be drawn."""
+    """A pass from a joined text (harness/shader/includes.py).
+
+    ShaderError, with file and line, where it cannot be drawn.
+    """
     macros = {**frame.language.macros, **frame.defines}
     found = declarations(source, macros)
     head = [(kind, word) for kind, word in frame.head if word not in found.declared]
@@ -127,8 +140,10 @@ def make_pass(name: str, source: ShaderSource, frame: Frame, answers: Answers) -
 
 
 def make_contract(host: str, passes: Sequence[ShaderPass], answers: Answers, size: tuple[int, int] | None = None,
-                  samples: int = 1, radiance: str = "") -> Contract:
-    """The contract of these passes. `radiance`: the last pass that reads its own past and shows nothing, if not said.
+                  samples: int = 0) -> Contract:
+    """The contract of these passes; radiance is in the last that reads its own past and shows nothing.
+
+    `samples`: of a frame, as that pass's text says it where they are 0.
 
     ShaderError for an answer that names nothing in the shader, and for a channel that reads a pass that is not there.
     """
@@ -145,8 +160,11 @@ def make_contract(host: str, passes: Sequence[ShaderPass], answers: Answers, siz
                                   f"'{channel.reads[5:]}', which is not there; there are {', '.join(names)}")
     summing = [one.name for one in passes if not one.displays and any(c.reads == "self" for c in one.channels)]
     drawing = [one.name for one in passes if not one.displays] or names
-    return Contract(host, tuple(passes), radiance or (summing or drawing)[-1], tuple(sorted(answers.kept.items())),
-                    samples=samples, size=size, unknown=tuple(_unique(answers.unknown)), notes=tuple(answers.notes),
+    radiance = (summing or drawing)[-1]
+    text = next(one.source.text for one in passes if one.name == radiance)
+    return Contract(host, tuple(passes), radiance, tuple(sorted(answers.kept.items())),
+                    samples=samples or written_samples(text), size=size,
+                    unknown=tuple(_unique(answers.unknown)), notes=tuple(answers.notes),
                     said=tuple(f"{name}={_spelt(value)}" for name, value in sorted(answers.values.items())))
 
 
@@ -171,8 +189,8 @@ def _vertex(found: Declarations, frame: Frame, answers: Answers) -> tuple[str, l
         own = authors(frame.vertex, frame.language)
         if own is not None:
             return own.text, declarations(own, frame.language.macros, vertex=True).uniforms
-        answers.note(f"{frame.vertex.name}: its vertex shader moves a scene's triangles; a triangle over the whole image "
-                     "is drawn instead")
+        answers.note(f"{frame.vertex.name}: its vertex shader moves a scene's triangles; a triangle over the whole "
+                     "image is drawn instead")
     inputs = [varying for varying in found.varyings if found.names.get(varying.name, 0) > 1]
     said = {varying.name: answers.take(varying.name) for varying in inputs if varying.name in answers.values}
     for name, value in said.items():
@@ -186,21 +204,26 @@ def _vertex(found: Declarations, frame: Frame, answers: Answers) -> tuple[str, l
 
 def _channel(uniform: Declared, frame: Frame, answers: Answers, in_use: bool) -> Channel:
     """What a sampler reads. One of which nobody knows is black, never the pass's own past, and is asked for."""
-    said = answers.take(uniform.name)
+    said = answers.take(uniform.name) if uniform.name not in frame.channels else None
     if said is not None:
-        reads = str(said)
-        if reads not in STAND_INS and not reads.startswith(("pass:", "file:")):
-            raise ShaderError(f"{uniform.where}: --set {uniform.name}={reads}: a sampler reads {', '.join(STAND_INS)}, "
-                              "pass:NAME or file:PATH")
-        return Channel(uniform.name, reads, uniform.kind)
+        return said_channel(uniform.name, said, Channel(uniform.name, "black", uniform.kind), uniform.where)
     known = frame.channels.get(uniform.name) or (channel_of(uniform.kind, uniform.name) if frame.guess else None)
     if known is None or uniform.size:
         if in_use and (frame.guess or uniform.size):
             answers.unknown.append(uniform)
         return Channel(uniform.name, "black", uniform.kind)
-    if known.reads in STAND_INS[1:] and in_use:
+    if known.reads in STAND_INS[1:] and known.reads != "black" and in_use:
         answers.note(f"{uniform.where}: '{uniform.name}' reads a stand-in, {known.reads}")
     return known
+
+
+def said_channel(name: str, said: Answer, before: Channel, where: str) -> Channel:
+    """What somebody said that a sampler reads. ShaderError, with file and line, for what it cannot read."""
+    reads = str(said)
+    if reads not in STAND_INS and not re.match(r"(?:pass|file):.", reads):
+        raise ShaderError(f"{where}: --set {name}={reads}: a sampler reads {', '.join(STAND_INS)}, pass:NAME or "
+                          "file:PATH")
+    return replace(before, reads=reads, kind={"cube": "samplerCube", "volume": "sampler3D"}.get(reads, before.kind))
 
 
 def _role(uniform: Declared, frame: Frame, answers: Answers, in_use: bool) -> Role | None:
@@ -211,8 +234,8 @@ def _role(uniform: Declared, frame: Frame, answers: Answers, in_use: bool) -> Ro
         answers.kept[name] = _value(uniform, name, answers.take(name), part=True)
     if isinstance(said, str):
         if said not in ROLES:
-            raise ShaderError(f"{uniform.where}: --set {uniform.name}={said}: neither a value nor what a uniform is for; "
-                              f"say a number, or one of {', '.join(ROLES)}")
+            raise ShaderError(f"{uniform.where}: --set {uniform.name}={said}: neither a value nor what a uniform is "
+                              f"for; say a number, or one of {', '.join(ROLES)}")
         return next(role for role in get_args(Role) if role == said)
     if said is not None:
         answers.kept[uniform.name] = _value(uniform, uniform.name, said)

@@ -10,14 +10,15 @@ from harness.errors import HarnessError, ShaderError
 from harness.shader.contract import Contract
 from harness.shader.decoding import decoded
 from harness.shader.hosts import body, desktop, glslviewer, gratin, ours, shadertoy, vscode, webgl
-from harness.shader.hosts.reading import Answer, Answers, Given
+from harness.shader.hosts.reading import PROGRAMS, Answer, Answers, Given
 
 # The first that holds reads; the ones whose marks are the least ambiguous come first.
 DIALECTS = (gratin.DIALECT, ours.DIALECT, glslviewer.DIALECT, body.DIALECT, vscode.DIALECT, shadertoy.DIALECT,
             webgl.DIALECT, desktop.DIALECT)
 # Files of a folder that may hold a shader.
-SUFFIXES = (".glsl", ".frag", ".fs", ".fsh", ".fragment", ".vert", ".vs", ".vsh", ".gra", ".html", ".htm", ".js", ".json",
-            ".shader")
+SUFFIXES = (".glsl", ".frag", ".fs", ".fsh", ".fragment", ".vert", ".vs", ".vsh", ".gra", ".html", ".htm", ".js",
+            ".json", ".shader")
+_MAIN = re.compile(r"\bvoid\s+main(?:Image)?\s*\(")
 _MAX_FILES = 64
 
 
@@ -25,7 +26,7 @@ def read(files: Sequence[Path], host: str | None = None, values: Mapping[str, An
     """The contract of somebody's shader.
 
     `files`: files, or one folder of them. `host`: the dialect's name, told by syntax if None. `values`: what is said of
-    uniforms by name: a value, a role, what a sampler reads ('self', 'pass:NAME', 'noise', …), or the range of a varying.
+    uniforms by name: a value, a role, what a sampler reads ('self', 'pass:NAME', 'noise', …), or a varying's range.
 
     Raises ShaderError (HarnessError for a host that does not exist) in one line: what was found, where, and how to mend
     it. What nobody knows of a shader that can be run stands in `Contract.unknown`.
@@ -38,8 +39,8 @@ def read(files: Sequence[Path], host: str | None = None, values: Mapping[str, An
     for dialect in DIALECTS:
         if dialect.name == host or (host is None and dialect.holds(given)):
             return dialect.read(given, answers)
-    raise ShaderError(f"{given[0].name}:1: no shader that is known (no void main(), no void mainImage()); the hosts are "
-                      f"{', '.join(dialect.name for dialect in DIALECTS)}")
+    raise ShaderError(f"{given[0].name}:1: no shader that is known (no void main(), no void mainImage()); the hosts "
+                      f"are {', '.join(dialect.name for dialect in DIALECTS)}")
 
 
 def _given(files: Sequence[Path]) -> Iterator[Given]:
@@ -62,6 +63,9 @@ def _files_of(folder: Path) -> list[Path]:
         if whole:
             return whole
     shaders = [path for path in found if path.suffix.lower() not in (".gra", ".json")]
+    plain = [path for path in shaders if path.suffix.lower() not in PROGRAMS]
+    if any(_MAIN.search(decoded(path).text) for path in plain):
+        shaders = plain  # the page that shows them may stand beside them
     if not shaders:
         raise ShaderError(f"{folder}: no shader in this folder; a shader ends in {', '.join(SUFFIXES)}")
     if len(shaders) > _MAX_FILES:
@@ -72,5 +76,6 @@ def _files_of(folder: Path) -> list[Path]:
 def _without_helpers(paths: list[Path]) -> list[Path]:
     """Those of a folder's shaders that no other one includes."""
     texts = {path: decoded(path).text for path in paths}
-    named = {name for text in texts.values() for name in re.findall(r'#[ \t]*include[ \t]*"(?:[^"\n]*/)?([^"/\n]+)"', text)}
+    include = re.compile(r'#[ \t]*include[ \t]*"(?:[^"\n]*/)?([^"/\n]+)"')
+    named = {name for text in texts.values() for name in include.findall(text)}
     return [path for path in paths if path.name not in named] or paths

@@ -15,20 +15,20 @@ _PREFIX = re.compile(r"^(?:u|i|g|m|p|uniform)_+")
 # by experiment: here a weight is the past's unless its name says that it is the new frame's.
 _ROLES: tuple[tuple[Role, str, str], ...] = (
     ("new_weight", r"(?:new|sample|current)_?(?:weight|factor|blend)$", "float"),
-    ("past_weight", r"weight|(?:^|_)(?:blend|mix)(?:_|$)|blending|(?:past|old|accum\w*|history|texture)_(?:alpha|factor)$",
-     "float"),
+    ("past_weight", r"weight|(?:^|_)(?:blend|mix)(?:_|$)|blending|(?:past|old|accum\w*|history|texture)_(?:alpha|"
+                    r"factor)$", "float"),
     ("random", r"rand|seed|(?:^|_)rng|noise|jitter|entropy", "float|int|uint|[iu]?vec[234]"),
     ("count", r"^(?:frames_total|total_frames|max_frames|num_frames)$", "float|int|uint"),
-    ("frame", r"^(?:accum\w*_)?(?:frame|frames|pass|passes|iter|iteration|iterations|sample|samples|tick|ticks|epoch|step|"
-              r"numpass|counter|count)(?:_(?:count|counter|number|num|no|id|index|idx|n|nr))?$|^(?:current|rendered|"
+    ("frame", r"^(?:accum\w*_)?(?:frame|frames|pass|passes|iter|iteration|iterations|sample|samples|tick|ticks|epoch|"
+              r"step|numpass|counter|count)(?:_(?:count|counter|number|num|no|id|index|idx|n|nr))?$|^(?:current|rendered|"
               r"accumulated|num|number_of|total|run|spp)_(?:frame|frames|sample|samples|iteration|iterations|pass|passes|"
               r"counter)(?:_(?:count|number|index))?$|^(?:frame|sample|pass|iteration)s?_?(?:since|so_far|rendered|"
               r"accumulated)\w*$", "float|int|uint"),
     ("time_delta", r"^(?:delta_?time|time_?delta|dt|frame_?time)$", "float"),
     ("date", r"^date$", "vec4"),
     ("time", r"time|seconds|elapsed|(?:^|_)clock", "float"),
-    ("resolution", r"resolution$|(?:^|_)res$|^(?:view_?port|view|screen|window|canvas|image|buffer|frame_?buffer|render|"
-                   r"display|texture|tex|target)_?(?:size|dim\w*|res\w*|resolution)?$|^(?:size|dimensions?|dims?)$",
+    ("resolution", r"resolution$|(?:^|_)res$|^(?:view_?port|view|screen|window|canvas|image|buffer|frame_?buffer|"
+                   r"render|display|texture|tex|target)_?(?:size|dim\w*|res\w*|resolution)?$|^(?:size|dimensions?|dims?)$",
      "[iu]?vec[234]"),
     ("width", r"(?:^|_)width$", "float|int|uint"),
     ("height", r"^(?:(?:view_?port|screen|window|canvas|image|buffer|render|display)_)?height$", "float|int|uint"),

@@ -13,10 +13,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from harness.errors import ShaderError
-from harness.shader.contract import Channel, Contract, Role
+from harness.shader.contract import Channel, Contract, Role, ShaderPass
 from harness.shader.declarations import declarations, entry
-from harness.shader.hosts.reading import STAND_INS, Answers, Dialect, Frame, Given, make_contract, make_pass
-from harness.shader.hosts.written import written_samples, written_size
+from harness.shader.hosts.reading import (
+    STAND_INS,
+    Answers,
+    Dialect,
+    Frame,
+    Given,
+    make_contract,
+    make_pass,
+    said_channel,
+)
+from harness.shader.hosts.written import written_size
 from harness.shader.includes import Piece, joined
 from harness.shader.language import GLES_300
 from harness.shader.source import ShaderSource
@@ -24,7 +33,7 @@ from harness.shader.source import ShaderSource
 UNIFORMS: Mapping[str, tuple[str, Role]] = {
     "iResolution": ("vec3", "resolution"), "iTime": ("float", "time"), "iGlobalTime": ("float", "time"),
     "iTimeDelta": ("float", "time_delta"), "iFrame": ("int", "frame"), "iFrameRate": ("float", "frame_rate"),
-    "iMouse": ("vec4", "mouse"), "iDate": ("vec4", "date"),
+    "iMouse": ("vec4", "mouse"), "iMouseButton": ("vec4", "mouse"), "iDate": ("vec4", "date"),
 }
 CHANNELS = tuple(f"iChannel{number}" for number in range(4))
 BUFFERS = tuple(f"Buffer {letter}" for letter in "ABCD")
@@ -69,15 +78,15 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
 
 def contract_of(tabs: Sequence[Tab], answers: Answers, host: str) -> Contract:
     """The contract of these passes, the image last."""
-    passes = [toy_pass(tab, joined(tab.pieces, GLES_300.macros), answers, displays=tab.name == "Image" and len(tabs) > 1)
+    passes = [toy_pass(tab, joined(tab.pieces, GLES_300.macros), answers, tab.name == "Image" and len(tabs) > 1)
               for tab in tabs]
     texts = [one.source.text for one in passes]
     asks = any("iResolution" in text or "textureSize" in text for text in texts)
     size = None if asks else next((size for text in texts if (size := written_size(text))), None)
-    return make_contract(host, passes, answers, size, samples=written_samples("\n".join(texts)))
+    return make_contract(host, passes, answers, size)
 
 
-def toy_pass(tab: Tab, source: ShaderSource, answers: Answers, displays: bool) -> Any:
+def toy_pass(tab: Tab, source: ShaderSource, answers: Answers, displays: bool) -> ShaderPass:
     """One pass, with the head that the page writes."""
     found = declarations(source, GLES_300.macros)
     main = entry(source, found)
@@ -88,16 +97,17 @@ def toy_pass(tab: Tab, source: ShaderSource, answers: Answers, displays: bool) -
         needed.add("iTime")
     channels = {name: tab.channels.get(name, Channel(name, "black")) for name in CHANNELS}
     for name in CHANNELS:
-        if isinstance(said := answers.values.get(f"{tab.name}.{name}"), str):
-            answers.take(f"{tab.name}.{name}")
-            channels[name] = Channel(name, "self" if said == f"pass:{tab.name}" else said, channels[name].kind)
+        said = answers.take(f"{tab.name}.{name}") or answers.take(name)
+        if said is not None:
+            channels[name] = said_channel(name, "self" if said == f"pass:{tab.name}" else said, channels[name],
+                                          source.files[-1][0])
     head = [(channels[name].kind, name) for name in CHANNELS if name in needed]
     head += [(kind, name) for name, (kind, _) in UNIFORMS.items() if name in needed]
     defines = {"HW_PERFORMANCE": "1", **{name: value for name, value in _MACROS.items()
                                          if name in found.names and name not in found.declared}}
     frame = Frame(GLES_300, {name: role for name, (_, role) in UNIFORMS.items()}, channels, head,
                   [_OUTPUT] if main == "mainImage" else [], defines, _MAIN if main == "mainImage" else "", zero=True,
-                  guess=False, displays=displays)
+                  displays=displays)
     return make_pass(tab.name, source, frame, answers)
 
 
@@ -121,6 +131,8 @@ def _exported(file: Given, answers: Answers) -> list[Tab]:
     common = [Piece(f"{file.name} (Common)", one["code"]) for one in rendered if one.get("type") == "common"]
     drawn = sorted((one for one in rendered if one.get("type") in ("buffer", "image", None)),
                    key=lambda one: (one.get("type") == "image", str(one.get("name", ""))))
+    if not drawn:
+        raise ShaderError(f"{file.name}:1: an export without an image or a buffer; export the shader anew")
     for one in rendered:
         if one.get("type") in ("sound", "cubemap"):
             answers.note(f"{file.name}: its {one['type']} pass is left out")
@@ -155,6 +167,8 @@ def _wiring(file: Given, one: Mapping[str, Any], name: str, writers: Mapping[str
         if kind == "buffer":
             path = re.search(r"buffer0([0-3])", str(given.get("src") or given.get("filepath") or ""))
             target = writers.get(str(given.get("id"))) or (f"Buffer {'ABCD'[int(path[1])]}" if path else "")
+            if target not in names and not re.search(rf"\b{sampler}\b", one["code"]):
+                continue
             if target not in names:
                 raise ShaderError(f"{file.name} ({name}): {sampler} reads a buffer that no pass writes (id "
                                   f"{given.get('id')}); there are {', '.join(names)}; export the shader anew")
@@ -184,12 +198,10 @@ def _tabs(files: Sequence[Given], answers: Answers) -> list[Tab]:
             name = "Image"
         if not name or name in named:
             other = f", and so does {named[name].name}" if name in named else ""
-            raise ShaderError(f"{file.name}: its name says {f'{name}{other}' if name else 'no tab of Shadertoy'}; call the "
-                              "files image, bufferA to bufferD, and common")
+            raise ShaderError(f"{file.name}: its name says {f'{name}{other}' if name else 'no tab of Shadertoy'}; call "
+                              "the files image, bufferA to bufferD, and common")
         named[name] = file
     common = [named.pop("Common").piece] if "Common" in named else []
-    if not named:
-        raise ShaderError(f"{files[0].name}: a common tab alone draws nothing; name the image's or a buffer's file too")
     order = sorted(named, key=lambda name: (name == "Image", name))
     buffers = [name for name in order if name != "Image"]
     tabs = []
@@ -203,11 +215,20 @@ def _tabs(files: Sequence[Given], answers: Answers) -> list[Tab]:
             reads = name if not buffers and number == 0 else buffers[number] if number < len(buffers) else ""
             tab.channels[channel] = Channel(channel, "black" if not reads else "self" if reads == name
                                             else f"pass:{reads}")
-            answers.note(f"{named[name].name}: {channel} is taken to read "
-                         f"{'its own last frame' if reads == name else reads or 'black'}; else say "
+            if _looks_up_directions(channel, named[name].bare):
+                tab.channels[channel], reads = Channel(channel, "cube", "samplerCube"), ""
+            said = "its own last frame" if reads == name else reads or tab.channels[channel].reads
+            answers.note(f"{named[name].name}: {channel} is taken to read {said}; else say "
                          f"--set '{name}.{channel}=…' ({', '.join(STAND_INS)}, pass:NAME)")
         tabs.append(tab)
     return tabs
+
+
+def _looks_up_directions(channel: str, text: str) -> bool:
+    """Whether a channel is looked up by a name that is a vec3 wherever it is declared: then it is a cube map."""
+    names = re.findall(rf"\btexture(?:Lod|Cube)?\s*\(\s*{channel}\s*,\s*(\w+)\s*[,)]", text)
+    return any(re.search(rf"\bvec3\s+{name}\b", text) and not re.search(rf"\b(?:vec2|float)\s+{name}\b", text)
+               for name in names)
 
 
 DIALECT = Dialect("shadertoy", "a Shadertoy: its export (JSON), or its tabs as files", holds, read)

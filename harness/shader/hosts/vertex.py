@@ -34,8 +34,8 @@ def synthesised(language: Language, varyings: Sequence[Varying],
     body, notes = [], []
     for varying in varyings:
         if varying.kind not in _WIDEN or varying.flat:
-            raise ShaderError(f"{varying.where}: '{varying.name}' ({varying.kind}) comes from a vertex shader that is not "
-                              "here; name its file too, or compute it from gl_FragCoord")
+            raise ShaderError(f"{varying.where}: '{varying.name}' ({varying.kind}) comes from a vertex shader that is "
+                              "not here; name its file too, or compute it from gl_FragCoord")
         over = said.get(varying.name)
         if over not in RANGES:
             over = "ndc" if _NDC.search(varying.name) and not _UV.search(varying.name) else "unit"

@@ -15,8 +15,8 @@ from harness.shader.hosts.shadertoy import UNIFORMS, Tab, contract_of
 from harness.shader.lexer import hidden
 
 # `#iChannel0 "self"`, `#iChannel1 "file://noise.png"`, `#iChannel0::MinFilter "Linear"`, `#iKeyboard`, `#iUniform …`.
-_DIRECTIVE = re.compile(r'^[ \t]*#[ \t]*(?P<word>iChannel\d|iKeyboard|iUniform|iVertex|include_once)(?:::(?P<part>\w+))?'
-                        r'[ \t]*(?P<rest>[^\n]*)', re.MULTILINE)
+_DIRECTIVE = re.compile(r"^[ \t]*#[ \t]*(?P<word>iChannel\d|iKeyboard|iUniform|iVertex)(?:::(?P<part>\w+))?[ \t]*"
+                        r"(?P<rest>[^\n]*)", re.MULTILINE)
 _UNIFORM = re.compile(r"(?P<kind>\w+)\s+(?P<name>\w+)\s*(?:=\s*(?P<value>.+?))?\s*(?:\bin\s*\{.*\}.*)?(?:step.*)?$")
 _MAX_PASSES = 8
 
@@ -35,7 +35,8 @@ def holds(files: Sequence[Given]) -> bool:
 def read(files: Sequence[Given], answers: Answers) -> Contract:
     """The named file and those that its channels name."""
     if len(files) > 1:
-        raise ShaderError(f"{files[1].name}: name the last file of the chain only; its #iChannel directives name the others")
+        raise ShaderError(f"{files[1].name}: name the last file of the chain only; its #iChannel directives name the "
+                          "others")
     first = files[0]
     tabs: dict[Path, Tab] = {}
     _follow(first, tabs, answers, "Image")
@@ -51,7 +52,7 @@ def _follow(file: Given, tabs: dict[Path, Tab], answers: Answers, name: str) -> 
     tab = Tab(name, [])
     channels: dict[str, Channel] = {}
     placeholders = {mine: tab}
-    text = file.bare
+    parts, done = [], 0
     for found in _DIRECTIVE.finditer(file.bare):
         word, part, rest = found["word"], found["part"], found["rest"].strip()
         where = f"{file.name}:{file.bare.count(chr(10), 0, found.start()) + 1}"
@@ -66,10 +67,10 @@ def _follow(file: Given, tabs: dict[Path, Tab], answers: Answers, name: str) -> 
                                      repeat=channels[word].repeat or setting == "repeat")
         elif not part and word.startswith("iChannel"):
             channels[word] = _channel(word, rest.strip().strip('"'), where, file, tabs, answers, placeholders)
-        text = text[:found.start()] + replacement + text[found.end():]
+        parts += [file.bare[done:found.start()], replacement]
+        done = found.end()
     tab.channels = channels
-    # What the directives say is taken out of the text that is compiled; messages show the author's line all the same.
-    tab.pieces = [replace(file.piece, text=text)]
+    tab.pieces = [replace(file.piece, text="".join([*parts, file.bare[done:]]), shown=file.text)]
     tabs[mine] = tab
 
 

@@ -8,45 +8,37 @@ from collections.abc import Iterator, Sequence
 from harness.errors import ShaderError
 from harness.shader.contract import Contract
 from harness.shader.hosts.desktop import contract_of
-from harness.shader.hosts.reading import Answers, Dialect, Given
+from harness.shader.hosts.reading import PAGES, SCRIPTS, Answers, Dialect, Given
 from harness.shader.includes import Piece
 from harness.shader.language import GLES_100, GLES_300
 
-_PAGES = (".html", ".htm", ".vue", ".svelte")
-_SCRIPTS = (".js", ".mjs", ".cjs", ".ts", ".jsx", ".tsx", *_PAGES)
-# C++ holds shaders in raw strings.
-_SOURCES = (*_SCRIPTS, ".cpp", ".cc", ".cxx", ".hpp", ".h", ".c")
 _TAG = re.compile(r"<script\b(?P<attributes>[^>]*)>(?P<text>.*?)</script\s*>", re.DOTALL | re.IGNORECASE)
 _TEMPLATE = re.compile(r"`(?P<text>(?:\\.|[^`\\])*)`", re.DOTALL)
 _RAW = re.compile(r'R"(?P<mark>\w*)\((?P<text>.*?)\)(?P=mark)"', re.DOTALL)
-_STRING = re.compile(r"(?P<quote>[\"'])(?P<text>(?:\\.|(?!(?P=quote))[^\\\n])*\bvoid\s+main(?:\\.|(?!(?P=quote))[^\\\n])*)"
-                     r"(?P=quote)")
+_STRING = re.compile(r"(?P<quote>[\"'])(?P<text>(?:\\.|(?!(?P=quote))[^\\\n])*)(?P=quote)")
+_ESCAPES = {"n": "\n", "t": "\t", "r": ""}
 _SLOT = re.compile(r"\$\{\s*(?P<name>[^}]*?)\s*\}")
 _MAIN = re.compile(r"\bvoid\s+main\s*\(")
 _VERSION = re.compile(r"^[ \t]*#[ \t]*version\s+(\d+)\s*(es)?", re.MULTILINE)
 _ES_100 = re.compile(r"\bgl_FragColor\b|\bvarying\b|\btexture2D\b|\bprecision\s+\w+\s+\w+\s*;")
-_ES_300 = re.compile(r"\b(?:uint|uvec[234]|texelFetch|textureSize|floatBitsToUint|uintBitsToFloat|round|trunc|sinh|cosh|"
-                     r"inverse|transpose)\s*\(|\buint\s+\w|\buvec[234]\s+\w|\bswitch\s*\(|\d[uU]\b|<<|>>|"
+_ES_300 = re.compile(r"\b(?:uint|uvec[234]|texelFetch|textureSize|floatBitsToUint|uintBitsToFloat|round|trunc|sinh|"
+                     r"cosh|inverse|transpose)\s*\(|\buint\s+\w|\buvec[234]\s+\w|\bswitch\s*\(|\d[uU]\b|<<|>>|"
                      r"^[ \t]*(?:layout\s*\([^)]*\)\s*)?(?:in|out)\s+\w", re.MULTILINE)
 
 
 def holds(files: Sequence[Given]) -> bool:
     """A page or a script with a shader in it, or a shader of ES."""
-    return any(_in_program(file) or _is_es(file.bare) for file in files)
+    return any(file.in_program or _is_es(file.bare) for file in files)
 
 
 def read(files: Sequence[Given], answers: Answers) -> Contract:
     """The fragment shader, with the vertex shader to it if there is one."""
-    pieces = [piece for file in files for piece in (shaders_in(file) if _in_program(file) else [file.piece])]
+    pieces = [piece for file in files for piece in (shaders_in(file) if file.in_program else [file.piece])]
     if not pieces:
         raise ShaderError(f"{files[0].name}:1: no shader in it (no <script> of a shader's type and no string with void "
                           "main()); name the file that holds one")
     newer = any(_ES_300.search(_bare(piece.text)) for piece in pieces if "gl_Position" not in piece.text)
     return contract_of(pieces, "webgl", GLES_300 if newer else GLES_100, answers)
-
-
-def _in_program(file: Given) -> bool:
-    return file.path.suffix.lower() in _SOURCES
 
 
 def _is_es(text: str) -> bool:
@@ -67,19 +59,20 @@ def shaders_in(file: Given) -> list[Piece]:
 
 def _texts(file: Given) -> Iterator[tuple[int, str]]:
     suffix = file.path.suffix.lower()
-    if suffix in _PAGES:
+    if suffix in PAGES:
         for found in _TAG.finditer(file.text):
             if re.search(r"type\s*=\s*[\"']?[^\"'>]*(?:shader|glsl|vert|frag|x-)", found["attributes"], re.IGNORECASE):
                 yield found.start("text"), found["text"]
-    if suffix not in _SCRIPTS:
+    if suffix not in SCRIPTS:
         for found in _RAW.finditer(file.text):
             yield found.start("text"), found["text"]
     else:
         for found in _TEMPLATE.finditer(file.text):
             yield found.start("text"), found["text"]
     for found in _STRING.finditer(file.text):
-        plain = re.sub(r"\\(.)", lambda escape: {"n": "\n", "t": "\t", "r": ""}.get(escape[1], escape[1]), found["text"])
-        yield found.start("text"), plain
+        if "main" in found["text"]:
+            plain = re.sub(r"\\(.)", lambda escape: _ESCAPES.get(escape[1], escape[1]), found["text"])
+            yield found.start("text"), plain
 
 
 def _filled(file: Given, text: str, start: int) -> str:
@@ -89,8 +82,8 @@ def _filled(file: Given, text: str, start: int) -> str:
         value = re.search(rf"\b(?:const|let|var)\s+{re.escape(name)}\s*=\s*(-?[\d.]+(?:e-?\d+)?)\s*[;,\n]", file.text)
         if not value:
             line = file.text.count("\n", 0, start + slot.start()) + 1
-            raise ShaderError(f"{file.name}:{line}: only its program knows '{slot[0]}'; write its text into the shader, or "
-                              "save the whole shader as a .frag file")
+            raise ShaderError(f"{file.name}:{line}: only its program knows '{slot[0]}'; write its text into the "
+                              "shader, or save the whole shader as a .frag file")
         return value[1]
     return _SLOT.sub(fill, text)
 

@@ -9,14 +9,14 @@ _NUMBER = r"(\d+)(?:\.0*)?[fu]?"
 _PAIR = rf"[iu]?vec2\s*\(\s*{_NUMBER}\s*(?:,\s*{_NUMBER}\s*)?\)"
 _NAME = r"\w*(?:resolution|screen_?size|image_?size|window_?size|view_?port|canvas_?size|\bres\b)\w*"
 _VECTOR = re.compile(rf"(?:\b{_NAME}\s*=\s*|#[ \t]*define[ \t]+{_NAME}[ \t]+\(?\s*){_PAIR}", re.IGNORECASE)
-_SIDE = (r"(?:(?:float|int|uint)\s+|#[ \t]*define[ \t]+)(?:\w+_)?{}\w{{0,8}}(?:\s*=\s*|[ \t]+)\(?\s*" + _NUMBER)
+_SIDE = (r"(?:(?:float|int|uint)\s+|,\s*|#[ \t]*define[ \t]+)(?:\w+_)?{}\w{{0,8}}(?:\s*=\s*|[ \t]+)\(?\s*" + _NUMBER)
 _WIDTH = re.compile(_SIDE.format("width"), re.IGNORECASE)
 _HEIGHT = re.compile(_SIDE.format("height"), re.IGNORECASE)
 _DIVIDED = re.compile(rf"\b(?:gl_FragCoord|fragCoord)(?:\.xy)?\s*/\s*(?:{_PAIR}|{_NUMBER})", re.IGNORECASE)
 _SAMPLES = re.compile(
     r"(?:#[ \t]*define[ \t]+|\bconst\s+u?int\s+)(?:num_?|n_?|max_?)?"
-    r"(?:spp|samples?(?:_?per_?(?:pixel|frame|pass))?|samples?_?(?:count|num)|aa_?samples)(?:[ \t]*=[ \t]*|[ \t]+)(\d+)u?\b",
-    re.IGNORECASE)
+    r"(?:spp|samples?(?:_?per_?(?:pixel|frame|pass))?|samples?_?(?:count|num)|aa_?samples)"
+    r"(?:[ \t]*=[ \t]*|[ \t]+)(\d+)u?\b", re.IGNORECASE)
 _SIDES = range(16, 8193)
 
 

@@ -1,0 +1,201 @@
+"""Why an image of a scene is not the reference: transforms, simulated defects, factors of bounces, and places."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.diagnosis.causes.bounces import Factors, factors, layers
+from harness.diagnosis.causes.candidates import Candidate, candidates
+from harness.diagnosis.causes.catalogue import Defect
+from harness.diagnosis.causes.match import Fit, Seen, apart, factor_to, fit, loglik, smaller
+from harness.diagnosis.causes.record import Cause, Diagnosis, Outcome
+from harness.diagnosis.causes.transforms import TransformFit, fitted, inner_pixels
+from harness.diagnosis.causes.where import Place, places
+from harness.errors import HarnessError, SceneError
+from harness.estimators.base import Estimator
+from harness.progress import Progress, quiet
+from harness.samples.estimate import Estimate
+from harness.samples.store import Store
+from harness.scene import SceneFile, load
+
+# Candidates are rendered with at most so many pixels; a larger image is merged by whole factors, as a wider box sees.
+PIXELS = 5000
+# What the log-likelihoods of two pictures must differ by before one is preferred, and what two pictures must differ by
+# at the image's noise before they are told apart: e^8 is 3000 to 1.
+MARGIN = 8.0
+# Where no picture fits, the nearest is told if it takes off at least this part of what the right one's χ² has too much.
+MUCH_NEARER = 0.7
+TOLD = 3
+# So many of the likeliest defects are tested for being the same picture.
+TESTED = 20
+
+
+def diagnose(scene: SceneFile, found: Estimate, reference: Estimate, *, store: Store | None = None,
+             fine: Estimate | None = None, defects: Sequence[Defect] | None = None, truth: Estimator | None = None,
+             depths: bool = True, where: bool = True, progress: Progress = quiet) -> Diagnosis:
+    """Say why `found`, an estimate of the scene by any renderer, is not the `reference`; both at the scene's film size.
+
+    `fine`: the reference at twice the width and height, by which half-pixel shifts are found of what our tracer cannot
+    hold. `defects`: the whole catalogue unless given. `truth`: what factors of bounces are taken from, Mitsuba unless
+    given. `depths`, `where`: whether factors of bounces, and places, are asked for. What is rendered goes through the
+    `store`, so a scene is paid for once: some two minutes on one core.
+
+    HarnessError where the images differ in size, or where `found` has no variance.
+    """
+    if found.mean.shape != reference.mean.shape:
+        raise HarnessError(f"the image has {found.mean.shape[1]}x{found.mean.shape[0]} pixels and the reference "
+                           f"{reference.mean.shape[1]}x{reference.mean.shape[0]}; render both at one size")
+    try:
+        seen, right = Seen.of(found), Seen.of(reference)
+    except ValueError as error:
+        raise HarnessError(str(error)) from None
+    as_it_is = fit(seen, right)
+    if as_it_is.same:
+        return Diagnosis("right", (), as_it_is.chi2, 0)
+    notes: list[str] = []
+    transforms = fitted(seen, right, None if fine is None else Seen.of(fine))
+    pictures = _candidates(scene, store, defects, progress, notes)
+    factor = factor_to(_size(found), PIXELS)
+    small, small_right = Seen.of(smaller(found, factor)), Seen.of(smaller(reference, factor))
+    read = _factors(scene, factor, small, truth, store, progress, notes) if depths else None
+    found_places = _places(scene, seen, right, notes) if where else ()
+    ranking = _ranking(small, small_right, seen, right, pictures, transforms, read)
+    outcome, causes = _judged(ranking, small, small_right, as_it_is)
+    return Diagnosis(outcome, causes, as_it_is.chi2, len(pictures) + len(transforms), read, found_places, tuple(notes))
+
+
+class _Ranked:
+    """A picture that was compared: what it explains, how well, and the picture itself where it is one of ours."""
+
+    def __init__(self, cause: Cause, score: float, result: Fit, picture: Seen | None) -> None:
+        self.cause, self.score, self.fit, self.picture = cause, score, result, picture
+
+
+def _ranking(small: Seen, small_right: Seen, seen: Seen, right: Seen, pictures: Sequence[Candidate],
+             transforms: Sequence[TransformFit], read: Factors | None) -> list[_Ranked]:
+    """All explanations, the likeliest first. Scores are log-likelihoods less that of the right picture, each by the
+    pixels that it was compared by."""
+    merged = small.mean.shape != seen.mean.shape
+    inner = inner_pixels(right.mean.shape)
+    mask = None if merged else inner  # then transforms and defects are compared by the same pixels
+    ranking: list[_Ranked] = []
+    scored: list[tuple[float, Candidate, Seen]] = []
+    for candidate in pictures:
+        picture = Seen.of(candidate.estimate)
+        scored.append((loglik(small, picture, mask), candidate, picture))
+    # Our tracer's right picture is as noisy as those of its defects, and the reference's is not.
+    base = next((score for score, candidate, _ in scored if not candidate.defects), 0.0)
+    scored = sorted((item for item in scored if item[1].defects), key=lambda item: -item[0])
+    for score, candidate, picture in scored:
+        defect = candidate.defects[0]
+        result = fit(small, picture, mask) if len(ranking) < TESTED else Fit(math.nan, score, 0.0, False)
+        cause = Cause("defect", defect.id, defect.says, defect.family, defect.formula, result.chi2, result.same, 0.0,
+                      tuple(other.id for other in candidate.defects[1:]))
+        ranking.append(_Ranked(cause, score - base, result, picture))
+    base = loglik(seen, right, inner)
+    for item in transforms:
+        cause = Cause("transform", "", item.says, "image", "", item.fit.chi2, item.fit.same, 0.0)
+        ranking.append(_Ranked(cause, item.fit.loglik - base, item.fit, None if merged else item.picture))
+    if read is not None and read.picture is not None:
+        score, result = loglik(small, read.picture, mask), fit(small, read.picture, mask)
+        cause = Cause("bounces", "", read.says, "bounces", "", result.chi2, result.same, 0.0)
+        ranking.append(_Ranked(cause, score - loglik(small, small_right, mask), result, read.picture))
+    return sorted(ranking, key=lambda item: -item.score)
+
+
+def _judged(ranking: list[_Ranked], noise: Seen, right: Seen, as_it_is: Fit) -> tuple[Outcome, tuple[Cause, ...]]:
+    """The outcome, and the causes that are told: each class of pictures that cannot be told apart, once."""
+    ranking = [item for item in ranking
+               if item.picture is None or apart(item.picture, right, noise) > MARGIN]  # else it is the right picture
+    if not ranking or ranking[0].score < MARGIN:
+        return "unknown", ()
+    classes = _classes(ranking, noise)
+    fitting = [group for group in classes if group[0].fit.same]
+    if not fitting:
+        best = classes[0][0].cause
+        gained = (as_it_is.chi2 - best.chi2) / max(as_it_is.chi2 - 1.0, 1e-9)
+        return ("near" if gained > MUCH_NEARER else "unknown"), _told(classes)
+    rivals = [group for group in fitting if fitting[0][0].score - group[0].score < MARGIN]
+    chosen = [*rivals, *(group for group in classes if group not in rivals)]
+    return ("cause" if len(rivals) == 1 else "several"), _told(chosen)
+
+
+def _classes(ranking: list[_Ranked], noise: Seen) -> list[list[_Ranked]]:
+    """The best few pictures, those together that cannot be told apart at the image's noise: a transform or a factor of
+    bounces that does as well as a defect is the same picture in other words, and comes first, being the simpler."""
+    classes: list[list[_Ranked]] = []
+    for item in ranking:
+        home = next((group for group in classes if _alike(group[0], item, noise)), None)
+        if home is None:
+            if len(classes) > TOLD:
+                break
+            classes.append([item])
+        else:
+            home.append(item)
+    order = {"transform": 0, "defect": 1, "bounces": 2}
+    for group in classes:
+        simplest = min((item for item in group if item.fit.same or not group[0].fit.same),
+                       key=lambda item: (order[item.cause.kind], -item.score))
+        group.remove(simplest)
+        group.insert(0, simplest)
+    return classes
+
+
+def _alike(first: _Ranked, item: _Ranked, noise: Seen) -> bool:
+    if first.picture is not None and item.picture is not None:
+        return apart(first.picture, item.picture, noise) <= MARGIN
+    return first.fit.same and item.fit.same and abs(first.score - item.score) <= MARGIN
+
+
+def _told(classes: Sequence[Sequence[_Ranked]]) -> tuple[Cause, ...]:
+    best = classes[0][0].score
+    causes = []
+    for group in classes[:TOLD]:
+        first = group[0].cause
+        others = [name for item in group[1:] for name in (item.cause.id, *item.cause.alike) if name]
+        alike = tuple(dict.fromkeys(name for name in (*first.alike, *others) if name != first.id))
+        causes.append(Cause(first.kind, first.id, first.says, first.family, first.formula, first.chi2, first.same,
+                            max(0.0, best - group[0].score), alike))
+    return tuple(causes)
+
+
+def _candidates(scene: SceneFile, store: Store | None, defects: Sequence[Defect] | None, progress: Progress,
+                notes: list[str]) -> list[Candidate]:
+    """Our tracer's pictures; none where it cannot hold the scene, which is then noted."""
+    try:
+        reading = load(scene)
+    except SceneError as error:
+        notes.append(f"no defects were simulated, since our tracer cannot hold the scene: {error}")
+        return []
+    factor = factor_to((reading.width, reading.height), PIXELS)
+    size = (reading.width // factor, reading.height // factor)
+    with progress(1.0, "causes") as advance:
+        return candidates(scene.sized(*size), store=store, defects=defects, pixels=factor == 1, advance=advance)
+
+
+def _factors(scene: SceneFile, factor: int, small: Seen, truth: Estimator | None, store: Store | None,
+             progress: Progress, notes: list[str]) -> Factors | None:
+    height, width = small.mean.shape[:2]
+    try:
+        with progress(1.0, "bounces") as advance:
+            return factors(small, layers(scene.sized(width, height), estimator=truth, store=store, advance=advance))
+    except HarnessError as error:
+        notes.append(f"no factors of bounces: {error}")
+        return None
+
+
+def _places(scene: SceneFile, seen: Seen, right: Seen, notes: list[str]) -> tuple[Place, ...]:
+    height, width = seen.mean.shape[:2]
+    try:
+        return places(scene.sized(width, height), seen, right)
+    except HarnessError as error:
+        notes.append(f"no places: {error}")
+        return ()
+
+
+def _size(estimate: Estimate) -> tuple[int, int]:
+    height, width = np.shape(estimate.mean)[:2]
+    return int(width), int(height)

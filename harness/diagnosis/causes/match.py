@@ -1,0 +1,188 @@
+"""Whether a picture is another but for noise, and which of many it most likely is: arrays only.
+
+χ² alone does not rank candidates: the noisier one is, the better it fits everything. The likelihood has the logarithm
+of the noise as well, which is what a noisy candidate pays. Noise here is that of both pictures, and its tails are
+heavy: the likelihood is Student's t (Lange, Little & Taylor 1989, "Robust Statistical Modeling Using the t
+Distribution").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter
+from scipy.special import betainc, chdtrc
+
+from harness.samples.estimate import Estimate, with_luminance
+
+# Degrees of freedom of the likelihood: between a normal's and those of a variance from a handful of batches.
+TAIL = 5.0
+# A pixel's own variance weighs as much as its batches' degrees of freedom, the mean of its neighbours' as much as this.
+NEIGHBOURS_WEIGH = 8.0
+# Relative to a pixel's value: rounding, and half floats that images were kept in, are no evidence.
+ROUNDING = 5e-4
+# Sides of the tiles in which two pictures are compared, in pixels; the whole image besides.
+TILES = (4, 8, 16)
+# One pixel cannot say more than this many standard errors squared: fireflies are no evidence for a cause.
+CAP = 16.0
+# Two pictures are different below this probability, all tiles, sizes and channels together: so low that images whose
+# noise is not quite normal are not called different. See tests/diagnosis/causes/test_match.py.
+LEVEL = 1e-5
+# A mean of squared standard errors over pixels this far above 1 is a difference, however the noise is distributed.
+PIXEL_EXCESS = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """An estimate as it is compared: `mean`, `variance` (H, W, 3), the latter steadied by neighbouring pixels.
+
+    `inflation`: how much larger the variance of the image's mean is than independent pixels would have it, at least 1:
+    pixels that share random numbers are correlated. `dof`: of the variances, infinite where exact.
+    """
+
+    mean: np.ndarray
+    variance: np.ndarray
+    inflation: float
+    dof: float
+
+    @classmethod
+    def of(cls, estimate: Estimate) -> Seen:
+        """ValueError where the estimate knows no variance."""
+        if np.isnan(estimate.variance).any():
+            raise ValueError("an image without a variance cannot be told from another; draw at least two batches")
+        own = estimate.variance
+        if estimate.batches == 0:
+            return cls(estimate.mean, own, 1.0, np.inf)
+        dof = estimate.batches - 1.0
+        around = np.maximum(uniform_filter(own, size=(3, 3, 1), mode="nearest"), 0.0)  # its running sums round
+        steadied = (dof * own + NEIGHBOURS_WEIGH * around) / (dof + NEIGHBOURS_WEIGH)
+        pixels = own.shape[0] * own.shape[1]
+        independent = own.sum((0, 1)) / pixels**2
+        known = independent > 0
+        ratio = np.divide(estimate.image_variance[:3], independent, out=np.ones(3), where=known)
+        return cls(estimate.mean, steadied, max(1.0, float(ratio.mean())), dof)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well one picture fits another.
+
+    `chi2`: the mean over pixels and channels of the squared difference over its variance, no more than `CAP` each:
+    about 1 where they are the same. `loglik`: the log-likelihood up to what all candidates have in common. `p`: the
+    probability that the same picture would differ by so much. `same`: it is not excluded.
+    """
+
+    chi2: float
+    loglik: float
+    p: float
+    same: bool
+
+
+def fit(found: Seen, other: Seen, mask: np.ndarray | None = None) -> Fit:
+    """How well `other` fits what was `found`; `mask` (H, W): the pixels that count, all unless given."""
+    difference, variance, kept = _compared(found, other, mask)
+    z2 = np.minimum(difference**2 / variance, CAP)
+    chi2 = float(z2[kept].mean())
+    p = _probability(difference, np.where(kept[..., None], variance, 0.0), found, other)
+    return Fit(chi2, loglik(found, other, mask), p, p > LEVEL and chi2 < 1.0 + PIXEL_EXCESS)
+
+
+def loglik(found: Seen, other: Seen, mask: np.ndarray | None = None) -> float:
+    """The log-likelihood of what was `found` where `other` is the true picture, up to what all pictures share.
+
+    Channels see the same paths: three of them are little more evidence than one, and count a third each.
+    """
+    difference, variance, kept = _compared(found, other, mask)
+    terms = (TAIL + 1) * np.log1p(difference**2 / (TAIL * variance)) + np.log(variance)
+    return -float(terms[kept].sum()) / 6.0
+
+
+def _compared(found: Seen, other: Seen, mask: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The difference, its variance, (H, W, 3), and which pixels count, (H, W)."""
+    kept = np.ones(found.mean.shape[:2], bool) if mask is None else mask
+    difference = np.where(kept[..., None], found.mean - other.mean, 0.0)
+    level = np.maximum(np.abs(found.mean), np.abs(other.mean))
+    return difference, found.variance + other.variance + (ROUNDING * level) ** 2 + 1e-18, kept
+
+
+def apart(one: Seen, other: Seen, noise: Seen) -> float:
+    """By how much the log-likelihood of two pictures differs at the noise of a third, if one of them is right.
+
+    0 where they are the same but for their own noise.
+    """
+    own = one.variance + other.variance
+    variance = noise.variance + 0.5 * own + (ROUNDING * np.maximum(np.abs(one.mean), np.abs(other.mean))) ** 2 + 1e-18
+    excess = ((one.mean - other.mean) ** 2 - own) / variance
+    return max(0.0, 0.5 * float(np.minimum(excess, CAP).sum()) / 3.0)
+
+
+def smaller(estimate: Estimate, factor: int) -> Estimate:
+    """The estimate with `factor` x `factor` pixels merged into one: what a box filter so much wider would see.
+
+    ValueError where the factor does not divide both sides.
+    """
+    if factor == 1:
+        return estimate
+    height, width = estimate.mean.shape[:2]
+    if height % factor or width % factor:
+        raise ValueError(f"{width}x{height} pixels cannot be merged {factor} by {factor}")
+    mean = _blocks(estimate.mean, factor).mean((1, 3))
+    variance = _blocks(estimate.variance, factor).sum((1, 3)) / factor**4
+    luminance = _blocks(estimate.luminance_variance[..., None], factor).sum((1, 3))[..., 0] / factor**4
+    return Estimate(mean, variance, luminance, with_luminance(mean).mean((0, 1)), estimate.image_variance,
+                    estimate.samples * factor**2, estimate.batches, estimate.rejected, estimate.cost)
+
+
+def factor_to(size: tuple[int, int], pixels: int) -> int:
+    """The least whole number that divides both sides of (width, height) and leaves at most so many pixels; 1 where
+    there is none."""
+    width, height = size
+    for factor in range(1, min(size) // 8 + 1):
+        if width % factor == 0 and height % factor == 0 and width * height <= pixels * factor**2:
+            return factor
+    return 1
+
+
+def _probability(difference: np.ndarray, variance: np.ndarray, found: Seen, other: Seen) -> float:
+    """That the same picture would differ by so much: the least over tiles and channels, times how many were asked.
+
+    Variances of tiles are sums of many pixels', so only the whole image's is taken for as uncertain as it is.
+    """
+    height, width = variance.shape[:2]
+    inflation = max(found.inflation, other.inflation)
+    asked: list[float] = []
+    for side in (*(side for side in TILES if side < min(height, width)), max(height, width)):
+        total = np.stack([_sums(difference[..., c], side) for c in range(3)], -1)
+        spread = np.stack([_sums(variance[..., c], side) for c in range(3)], -1) * inflation
+        z2 = np.divide(total**2, spread, out=np.zeros_like(total), where=spread > 0).reshape(-1, 3)
+        if side == max(height, width):
+            dof = min(found.dof, other.dof)
+            asked += [_two_sided_t(np.sqrt(value), dof) for value in z2[0]]
+        else:
+            # The largest, and not the sum: where pixels share random numbers, tiles err together.
+            asked += [len(z2) * float(chdtrc(1, value)) for value in z2.max(0)]
+    return min(1.0, len(asked) * min(asked))
+
+
+def _two_sided_t(t: float, dof: float) -> float:
+    if not np.isfinite(dof):
+        return float(chdtrc(1, t * t))
+    return float(betainc(0.5 * dof, 0.5, dof / (dof + t * t)))
+
+
+def _sums(image: np.ndarray, side: int) -> np.ndarray:
+    rows = np.add.reduceat(image, np.arange(0, image.shape[0], side), axis=0)
+    return np.add.reduceat(rows, np.arange(0, image.shape[1], side), axis=1)
+
+
+def _blocks(image: np.ndarray, factor: int) -> np.ndarray:
+    height, width = image.shape[:2]
+    return image.reshape(height // factor, factor, width // factor, factor, *image.shape[2:])
+
+
+def ranked(found: Seen, pictures: Sequence[Seen], mask: np.ndarray | None = None) -> list[tuple[int, float]]:
+    """The index and the log-likelihood of every picture, the likeliest first."""
+    scores = [(index, loglik(found, picture, mask)) for index, picture in enumerate(pictures)]
+    return sorted(scores, key=lambda item: -item[1])

@@ -1,0 +1,58 @@
+"""The verdict on a stranger's shader: right ones are not accused, wrong ones fail, contract slips are told apart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness.diagnosis.stranger import Judged, judge_stranger, told
+from harness.estimators.shader import Shader
+from harness.samples.store import Store
+from harness.scene import SceneFile
+from tests.support.ball import BRIGHT, COSINE_TWICE, SCENE, body, toy
+
+# Enough for the verdicts of this scene, whose shaders draw a frame in a millisecond.
+SPP, BUDGET, TOLERANCE = 1024, 5.0, 0.005
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("ball")
+    (path / "ball.xml").write_text(SCENE, encoding="utf-8")
+    return path
+
+
+def judged(folder: Path, text: str, name: str = "shader.frag") -> Judged:
+    """The verdict, its reference kept for the others."""
+    (folder / name).write_text(text, encoding="utf-8")
+    return judge_stranger(Shader((folder / name,)), SceneFile(folder / "ball.xml"), store=Store(folder / "store"),
+                          budget=BUDGET, tolerance=TOLERANCE, spp=SPP)
+
+
+@pytest.mark.parametrize(("text", "name"), [(body(), "right.frag"), (toy(), "right.glsl")])
+def test_right_shaders_are_not_accused(folder: Path, text: str, name: str) -> None:
+    result = judged(folder, text, name)
+    assert result.outcome != "fail", told(result)
+    assert abs(result.slope - 1) < 0.02
+    assert result.integrator == "path"
+
+
+@pytest.mark.parametrize(("light", "sign"), [(BRIGHT, 1), (COSINE_TWICE, -1)])
+def test_wrong_weights_fail_with_their_sign(folder: Path, light: str, sign: int) -> None:
+    result = judged(folder, body(light))
+    assert result.outcome == "fail"
+    assert sign * result.verdict.luminance[0] > 0
+    assert result.transform == ""
+    assert any(line.startswith("worst tile") for line in told(result))
+
+
+@pytest.mark.parametrize(("text", "name", "says"), [
+    (body(factor="3.14159265"), "pi.frag", "right but for a factor of π"),
+    (body(side=-1.0), "mirrored.frag", "right but for left and right exchanged"),
+    (toy(encoded="pow(s, vec3(1.0 / 2.2))"), "encoded.glsl", "each frame is encoded (x^(1/2.2))"),
+])
+def test_what_is_no_physics_is_told_apart(folder: Path, text: str, name: str, says: str) -> None:
+    result = judged(folder, text, name)
+    assert result.outcome == "fail"
+    assert says in result.transform
