@@ -15,7 +15,7 @@ import pytest
 
 from harness import files
 from harness.errors import HarnessError, StoreError
-from harness.files import cache_dir, data_dir, require_writable, write_atomically
+from harness.files import cache_dir, create_files, data_dir, require_writable, write_atomically
 
 TryToWrite = Callable[[Path], object]
 
@@ -140,6 +140,29 @@ def test_a_folder_that_may_not_be_written_is_refused(
 def test_require_writable_leaves_nothing_behind(tmp_path: Path) -> None:
     require_writable(tmp_path / "image.exr")
     assert names(tmp_path) == []
+
+
+class TestCreateFiles:
+    """New files beside those of others."""
+
+    def test_all_are_written_with_their_folders(self, tmp_path: Path) -> None:
+        create_files({tmp_path / "a" / "one": b"1", tmp_path / "two": b"2"})
+        assert (tmp_path / "a" / "one").read_bytes() == b"1" and (tmp_path / "two").read_bytes() == b"2"
+
+    @pytest.mark.parametrize("kind", ["file", "folder", "dangling link"])
+    def test_where_one_is_taken_none_is_written(self, tmp_path: Path, kind: str) -> None:
+        taken = tmp_path / "two"
+        {"file": lambda: taken.write_bytes(b"old"), "folder": taken.mkdir,
+         "dangling link": lambda: taken.symlink_to("nowhere")}[kind]()
+        with pytest.raises(HarnessError, match=r"two: is there already and is left as it is; choose another name"):
+            create_files({tmp_path / "one": b"1", taken: b"2"})
+        assert names(tmp_path) == ["two"]
+
+    def test_what_was_written_goes_where_a_later_one_cannot_be(self, tmp_path: Path) -> None:
+        (tmp_path / "file").touch()
+        with pytest.raises(StoreError, match="is not a folder"):
+            create_files({tmp_path / "one": b"1", tmp_path / "file" / "two": b"2"})
+        assert names(tmp_path) == ["file"]
 
 
 class TestCacheDir:

@@ -12,6 +12,7 @@ import pytest
 import harness
 from harness import bench, studies
 from harness import calibration as calibration_module
+from harness.checks import own
 from harness.cli import COMMANDS, main
 from harness.cli import report as report_command
 from harness.course import gallery
@@ -73,6 +74,18 @@ def first_column(text: str) -> list[str]:
     return [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("|")][2:]
 
 
+class ClosedWindow:
+    """In place of the window of `harness view`, which needs a display: its user closes it at once."""
+
+    closed = True
+
+    def __init__(self, size: tuple[int, int], title: str) -> None:
+        """Nothing to open."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
 @pytest.fixture
 def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The checkout as its commands see it, but with one scene, and with profiles that render little."""
@@ -82,6 +95,10 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "tests").mkdir()
     (tmp_path / "tests" / "gates.toml").write_text(GATES, encoding="utf-8")
     (scenes / "spheres.xml").symlink_to(data_dir("mitsuba_scenes") / "spheres.xml")
+    (tmp_path / "my_glsl" / "lib").mkdir(parents=True)
+    (tmp_path / "my_glsl" / "lib" / "sampling.glsl").symlink_to(data_dir("glsl") / "lib" / "sampling.glsl")
+    monkeypatch.setattr(own, "TOPICS", {"frames": own.TOPICS["frames"]})
+    monkeypatch.setattr("harness.gpu.window.Window", ClosedWindow)
     monkeypatch.setattr("harness.files.data_dir", {**{name: data_dir(name) for name in ("glsl", "reports")},
                                                    "mitsuba_scenes": scenes}.__getitem__)
     monkeypatch.setitem(studies.PROFILES, "quick", studies.Profile(spp=4, replicas=2, reference_spp=8))

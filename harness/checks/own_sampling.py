@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy import special
 
-from harness.checks.chi2 import Pdf, chi2
+from harness.checks.chi2 import Pdf, chi2, pearson
 from harness.checks.domains import UP, Axis, Crowded
-from harness.checks.finding import Finding
+from harness.checks.finding import LEVEL, Finding
 from harness.checks.frame import ORTHONORMAL, axes, frame
 from harness.checks.integral import integral
 from harness.checks.shader import Probe, frames, sampler
@@ -25,6 +26,7 @@ FACTORS = {"pi": np.pi, "1/pi": 1 / np.pi, "2": 2.0, "1/2": 0.5, "2 pi": 2 * np.
            "pi/2": np.pi / 2, "2/pi": 2 / np.pi, "pi^2": np.pi**2, "4": 4.0, "1/4": 0.25}
 COUNT = 1 << 17
 STEPS = 8  # midpoints along each side of a cell: what is tested is smooth, but for the horizon
+TURNS = 180  # parts of a turn in which azimuths are counted
 UNIT = 1e-5  # of a direction's length, in float32
 
 
@@ -62,6 +64,7 @@ def _directions(probe: Probe, name: str, alpha: float, total: float, at: str) ->
                       f"{UNIT:g} at most", error=UNIT, function=f"sample_{name}")
         if off > UNIT:
             continue
+        yield _azimuth(drawn.astype(np.float64), axis, name, at)
 
         def scaled(d: np.ndarray, pdf: Pdf = pdf) -> np.ndarray:
             return pdf(d) * scale
@@ -79,6 +82,18 @@ def _directions(probe: Probe, name: str, alpha: float, total: float, at: str) ->
         told = (f"; the directions are those of {_words(name)}, the pdf is not" if promised.passed
                 else f"; nor are they those of {_words(name)}")
         yield replace(found, function=blamed, sentence=f"{found.sentence}{at}{told}")
+
+
+def _azimuth(drawn: np.ndarray, axis: Axis, name: str, at: str) -> Finding:
+    """Whether directions are even around their axis, as they are where a pdf knows the cosine alone: a gap, which the
+    cells of `chi2` are too many to show."""
+    turns = Crowded(axis).backward(drawn)[:, 0]
+    counts = np.bincount(np.minimum(turns * TURNS, TURNS - 1).astype(int), minlength=TURNS).astype(float)
+    statistic, dof = pearson(counts, np.full(TURNS, len(drawn) / TURNS))
+    p = float(special.chdtrc(dof, statistic))
+    return Finding("azimuth", statistic / dof, 1.0, p > LEVEL, f"azimuths{at} about their axis have a χ² of "
+                   f"{statistic / dof:.3g} per degree of freedom, p = {p:.2g}; the emptiest of {TURNS} parts holds "
+                   f"{counts.min():,.0f} where {len(drawn) / TURNS:,.0f} are expected", p=p, function=f"sample_{name}")
 
 
 def _promised(name: str, alpha: float, axis: Axis) -> Pdf:

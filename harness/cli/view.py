@@ -40,8 +40,8 @@ def view(
     """Watch a scene, or a shader, being rendered in a window.
 
     Keys: left, right: strategy; up, down: exposure; page up, page down: depth; space: pause; R: start again; S: save an
-    EXR and a PNG; Q: leave. The title tells the samples per pixel, and the error against what `harness reference` left
-    in the cache. Needs the extra 'view'.
+    EXR and a PNG; Q, Esc: leave. The title tells the samples per pixel, and the error against what `harness reference`
+    left in the cache. Needs the extra 'view'.
 
     Example: `harness view mitsuba_scenes/spheres.xml --strategy uniform`
     """

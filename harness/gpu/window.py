@@ -17,7 +17,7 @@ from harness.shader.library import OURS
 INSTALL = f"{sys.executable} -m pip install 'moderngl-window>=3.1'"
 # Keys that are told, by what moderngl-window calls them.
 KEYS = {**{letter: letter.lower() for letter in "QRS"}, "LEFT": "left", "RIGHT": "right", "UP": "up", "DOWN": "down",
-        "PAGE_UP": "page up", "PAGE_DOWN": "page down", "SPACE": "space"}
+        "PAGE_UP": "page up", "PAGE_DOWN": "page down", "SPACE": "space", "ESCAPE": "escape"}
 # A window is made larger by whole numbers while its width is below this, so that pixels of small films can be seen.
 ROOM = 640
 # As the tracer's own context.
@@ -38,6 +38,7 @@ class Window:
         except Exception as error:  # pyglet and moderngl raise whatever their platform's layers do
             raise MachineError(f"the window cannot be opened ({_reason(error)}); {_mend()}") from None
         adopt(self._window.ctx)
+        self._window.exit_key = None  # would destroy the window while its events are read
         self._window.key_event_func = self._note
         names = vars(type(self._window).keys) if hasattr(type(self._window), "keys") else {}
         self._names = {names[name]: word for name, word in KEYS.items() if name in names}
@@ -47,7 +48,7 @@ class Window:
 
     @property
     def closed(self) -> bool:
-        """Whether the user closed it, also by Esc."""
+        """Whether the user closed it."""
         return bool(self._window.is_closing)
 
     def name(self, title: str) -> None:

@@ -21,7 +21,7 @@ from harness.stats.channels import Channel
 
 # What the keys do, as `harness view --help` and the first line on stderr say it.
 HELP = ("left, right: strategy; up, down: exposure; page up, page down: depth; space: pause; R: start again; S: save; "
-        "Q: leave")
+        "Q, Esc: leave")
 EXPOSURE_STEP = 0.5  # stops
 # A batch is twice as long as the one before while that takes less time: keys are answered after each.
 BATCH_SECONDS, LONGEST = 0.1, 64
@@ -152,7 +152,7 @@ class Session:
                 self._restart()
             case "s":
                 self._save()
-            case "q":
+            case "q" | "escape":
                 self.done = True
 
     def _renderer(self) -> Renderer:

@@ -41,6 +41,8 @@ def failed(findings: Iterable[Finding]) -> list[Finding]:
      "the directions are those of (alpha + 1)/(2 pi) cos^alpha, the pdf is not"),
     ("cosine", 1.0, "return direction_about(n, sqrt(1.0 - u.x), u.y);", "return direction_about(n, u.x, u.y);",
      "sample_cosine", "nor are they those of cos / pi"),
+    ("cosine", 1.0, "float phi = 2.0 * PI * u;", "float phi = 6.25 * u;", "sample_cosine",
+     "azimuths about their axis have a χ² of "),
     ("uniform", 0.0, "return direction_about(n, u.x, u.y);", "return 1.01 * direction_about(n, u.x, u.y);",
      "sample_uniform", "directions are off unit length by 0.01"),
 ])
