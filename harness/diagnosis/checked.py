@@ -45,7 +45,8 @@ def check_shader(shader: Shader, scene: SceneFile | None = None, *, size: tuple[
 
     `spp`: samples per pixel of the reference, enough for the film if None. `budget`: seconds for drawing the frames
     that are judged. `causes`: whether to look for the cause of a picture that is wrong, which on a scene's first time
-    takes a minute or two. HarnessError where a uniform's use is unknown, ShaderError for a shader that does not compile, takes too long or ends its process.
+    takes a minute or two. HarnessError where a uniform's use is unknown, ShaderError for a shader that does not
+    compile, takes too long or ends its process.
     """
     read = shader.read()
     require_known(read)
