@@ -17,8 +17,9 @@ from harness.scene import SceneFile
 
 # Files whose lines are the author's lines; in a JSON export or a pipeline they are escaped, and stand on one.
 TEXTS = (".glsl", ".frag", ".fs", ".fsh", ".html", ".htm", ".js", ".vue")
-# So many repairs are tried at most, each with this part of the seconds that the shader itself had.
-TRIED, SHARE = 8, 0.25
+# So many repairs are tried at most, each with the seconds that the shader itself had: what fails does so at the first
+# look, and what passes needs more of them than a verdict against it did.
+TRIED = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ def repaired(shader: Shader, diagnosis: Diagnosis, scene: SceneFile, *, store: S
                 if len(tried) == TRIED:
                     return None
                 tried.add(repair.text)
-                judged = _judged(shader, root, file, repair.text, scene, store, SHARE * budget, tolerance)
+                judged = _judged(shader, root, file, repair.text, scene, store, budget, tolerance)
                 if judged is not None and judged.outcome == "pass":
                     return Repaired(f"{file}:{repair.line}", repair.before, repair.after, repair.says, judged)
     return None
