@@ -104,6 +104,25 @@ def test_a_key_is_named_by_its_line(edited: Callable[..., Contract]) -> None:
         edited(('host = "desktop"', "host = 3"))
 
 
+def test_a_key_of_the_second_pass_is_named_by_its_line(tmp_path: Path) -> None:
+    """Both passes have the key; the message must not send its reader to the first."""
+    image = "void mainImage(out vec4 c, vec2 p) { c = texelFetch(iChannel0, ivec2(p), 0) + float(iFrame); }\n"
+    paths = written(tmp_path, bufferA__glsl=image, image__glsl=image)
+    file = tmp_path / "contract.toml"
+    save(read(paths), file)
+    text = file.read_text(encoding="utf-8")
+    head, key, tail = text.rpartition('iFrame = "frame"')
+    file.write_text(f'{head}iFrame = "fame"{tail}', encoding="utf-8")
+    with pytest.raises(HarnessError, match=rf"contract\.toml:{head.count(chr(10)) + 1}: iFrame: no such role"):
+        load(file, paths)
+    assert key and len(load_text(file, text).passes) == 2
+
+
+def load_text(file: Path, text: str) -> Contract:
+    file.write_text(text, encoding="utf-8")
+    return load(file, sorted(file.parent.glob("*.glsl")))
+
+
 def test_a_file_that_is_not_there_is_named(tmp_path: Path, paths: list[Path]) -> None:
     with pytest.raises(HarnessError, match="cannot be read"):
         load(tmp_path / "none.toml", paths)

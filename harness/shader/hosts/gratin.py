@@ -94,8 +94,6 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
         if sums and width > 1 and height > 1:
             answers.note(f"{piece.name}: Gratin draws it at {width} x {height}, {node.value('pingPongNumber', '1')} "
                          "passes at a time")
-    has_value = set(answers.kept)
-    answers.unknown = [uniform for uniform in answers.unknown if uniform.name not in has_value]
     return make_contract("gratin", passes, answers)
 
 

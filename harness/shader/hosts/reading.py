@@ -241,6 +241,8 @@ def _role(uniform: Declared, frame: Frame, answers: Answers, in_use: bool) -> Ro
     if said is not None:
         answers.kept[uniform.name] = _value(uniform, uniform.name, said)
         return None
+    if uniform.name in answers.kept:  # the file says its value
+        return None
     role = frame.known.get(uniform.name)
     if role is None and not uniform.initialised and not uniform.size and frame.guess:
         role = role_of(uniform.kind, uniform.name)

@@ -58,7 +58,7 @@ def _follow(file: Given, tabs: dict[Path, Tab], answers: Answers, name: str) -> 
         where = f"{file.name}:{file.bare.count(chr(10), 0, found.start()) + 1}"
         replacement = hidden(found[0])
         if word == "iUniform":
-            replacement = _uniform(rest, where)
+            replacement = _uniform(rest, where, answers)
         elif word == "iKeyboard":
             answers.note(f"{where}: the keyboard is not there; no key is pressed")
         elif part and word in channels:
@@ -101,8 +101,11 @@ def _channel(name: str, what: str, where: str, file: Given, tabs: dict[Path, Tab
     return Channel(name, f"pass:{tabs[target].name}")
 
 
-def _uniform(rest: str, where: str) -> str:
-    """`#iUniform float x = 1.0 in {0.0, 2.0}` as a declaration in the same line."""
+def _uniform(rest: str, where: str, answers: Answers) -> str:
+    """`#iUniform float x = 1.0 in {0.0, 2.0}` as a declaration in the same line; its default is kept as its value.
+
+    A default that is no number stays in the text, and cannot be set.
+    """
     found = _UNIFORM.match(rest)
     if not found:
         raise ShaderError(f"{where}: '#iUniform {rest}'; write '#iUniform float name = 1.0 in {{0.0, 2.0}}'")
@@ -110,6 +113,16 @@ def _uniform(rest: str, where: str) -> str:
     if not found["value"]:
         return f"uniform {kind} {found['name']};"
     value = found["value"].split(" in ")[0].strip()
+    inside = re.fullmatch(r"(?:(?:color|[iu]?vec)[234]\s*\()?([-+.,\d\seE]+)\)?", value)
+    try:
+        numbers = tuple(float(part) for part in inside[1].split(",")) if inside else ()
+    except ValueError:
+        numbers = ()
+    if len(numbers) == (int(kind[-1]) if kind[-1] in "234" else 1):
+        if found["name"] not in answers.values:
+            answers.kept[found["name"]] = (numbers if len(numbers) > 1 else int(numbers[0]) if kind in ("int", "uint")
+                                           else numbers[0])
+        return f"uniform {kind} {found['name']};"
     value = re.sub(r"color([34])", r"vec\1", value)
     return f"const {kind} {found['name']} = {value};"
 

@@ -13,10 +13,10 @@ layout(location = 0) in vec2 texCoords;
 layout(location = 0) out vec4 color;
 uniform sampler2D historyTexture;
 uniform int u_frameIndex;
-uniform float samplesTaken = 1.0;
+uniform float sampleCount = 1.0;
 const int SPP = 4;
 void main() {
-    color = texture(historyTexture, texCoords) + vec4(texCoords, u_frameIndex + samplesTaken, SPP);
+    color = texture(historyTexture, texCoords) + vec4(texCoords, u_frameIndex + sampleCount, SPP);
 }
 """
 

@@ -17,6 +17,7 @@ uniform int u_frame;
 #ifdef DOUBLE_BUFFER_0
 void main() {
     vec2 uv = gl_FragCoord.xy / u_resolution;
+    vec4 unset;
     gl_FragColor = texture2D(u_doubleBuffer0, uv) + vec4(uv, float(u_frame), 1);
 }
 #else
@@ -39,6 +40,7 @@ def test_a_double_buffer_reads_itself_and_is_shown(tmp_path: Path, head: str) ->
     assert [c.reads for one in contract.passes for c in one.channels] == ["self", "pass:DOUBLE_BUFFER_0"]
     assert dict(contract.passes[0].roles) == {"u_resolution": "resolution", "u_frame": "frame"}
     assert drawn(contract)[0, 0].tolist() == pytest.approx([0.0625, 1 / 12, 0.0, 2.0])
+    assert ("vec4 unset = vec4(0.0);" in contract.passes[0].source.text) == ("es" in head)  # WebGL's promise
 
 
 def test_buffers_are_drawn_in_order(tmp_path: Path) -> None:

@@ -29,7 +29,10 @@ def test_directives_wire_it(tmp_path: Path) -> None:
     assert [(c.name, c.reads, c.linear) for c in contract.passes[0].channels] == [
         ("iChannel0", "self", True), ("iChannel1", "noise", False)]
     assert any("main.glsl:4: iChannel1 reads something of the web" in note for note in contract.notes)
+    assert contract.values == (("gain", 2.0), ("tint", (1.0, 0.5, 0.25))) and not contract.said
     assert drawn(contract)[0, 0].tolist() == [6.0, 3.0, 1.5, 2.0]
+    said = contract_of(tmp_path, values={"gain": 4.0}, main__glsl=SUM)
+    assert drawn(said)[0, 0].tolist() == [12.0, 6.0, 3.0, 2.0]
 
 
 def test_files_are_passes(tmp_path: Path) -> None:
