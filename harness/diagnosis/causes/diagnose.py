@@ -10,7 +10,7 @@ import numpy as np
 from harness.diagnosis.causes.bounces import Factors, factors, layers
 from harness.diagnosis.causes.candidates import Candidate, candidates
 from harness.diagnosis.causes.catalogue import Defect
-from harness.diagnosis.causes.match import Fit, Seen, apart, factor_to, fit, loglik, smaller
+from harness.diagnosis.causes.match import PIXEL_EXCESS, Fit, Seen, apart, factor_to, fit, loglik, smaller
 from harness.diagnosis.causes.record import Cause, Diagnosis, Outcome
 from harness.diagnosis.causes.transforms import TransformFit, fitted, inner_pixels
 from harness.diagnosis.causes.where import Place, places
@@ -116,7 +116,7 @@ def _judged(ranking: list[_Ranked], noise: Seen, right: Seen, as_it_is: Fit) -> 
     fitting = [group for group in classes if group[0].fit.same]
     if not fitting:
         best = classes[0][0].cause
-        gained = (as_it_is.chi2 - best.chi2) / max(as_it_is.chi2 - 1.0, 1e-9)
+        gained = (as_it_is.chi2 - best.chi2) / max(as_it_is.chi2 - 1.0, PIXEL_EXCESS)
         return ("near" if gained > MUCH_NEARER else "unknown"), _told(classes)
     rivals = [group for group in fitting if fitting[0][0].score - group[0].score < MARGIN]
     chosen = [*rivals, *(group for group in classes if group not in rivals)]
