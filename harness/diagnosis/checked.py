@@ -35,7 +35,7 @@ class Checked:
     @property
     def is_right(self) -> bool:
         """No fault, and a picture that passes where one was to be judged."""
-        return not self.found.faults and not self.hopeless and (self.judged is None or self.judged.outcome == "pass")
+        return not self.found.faults and not self.hopeless and (self.judged is None or self.judged.is_right)
 
 
 def check_shader(shader: Shader, scene: SceneFile | None = None, *, size: tuple[int, int] | None = None,

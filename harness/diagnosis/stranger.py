@@ -91,6 +91,11 @@ class Judged:
         """pass, fail or inconclusive."""
         return self.verdict.outcome
 
+    @property
+    def is_right(self) -> bool:
+        """The mean passes and nothing fails: of two thousand tiles a few stay undecided for long, as in a study."""
+        return self.outcome == "pass" or (self.outcome == "inconclusive" and self.verdict.mean.outcome == "pass")
+
 
 def judge_stranger(shader: Shader, scene: SceneFile, *, store: Store | None = None, budget: float = 60.0,
                    tolerance: float | None = None, encoding: Encoding = "", spp: int | None = None,
@@ -264,7 +269,8 @@ def told(judged: Judged) -> list[str]:
     """The verdict in lines: outcome, size and sign, slope, worst tile, and what explains it."""
     error, low, high = judged.verdict.luminance
     worst = judged.worst
-    lines = [f"{judged.outcome}: {judged.verdict.reason}",
+    seen = "right as far as its noise shows, the mean passes and no tile fails" if judged.is_right else judged.outcome
+    lines = [f"{judged.outcome if judged.outcome == 'pass' else seen}: {judged.verdict.reason}",
              f"mean luminance {error:+.3%} ({low:+.3%} to {high:+.3%}) against Mitsuba's {judged.integrator}, from "
              f"{judged.frames} frames; slope {judged.slope:.4f}, offset {judged.offset:+.3g}",
              f"worst tile: x {worst.x} to {worst.x + worst.tile}, y {worst.y} to {worst.y + worst.tile}: "
@@ -272,7 +278,7 @@ def told(judged: Judged) -> list[str]:
     if judged.transform:
         lines.append(judged.transform)
     if judged.outcome == "inconclusive":
-        lines.append("more frames would decide: give a larger --budget, or a wider --tolerance")
+        lines.append("more frames would decide the rest: give a larger --budget, or a wider --tolerance")
     if judged.note:
         lines.append(f"note: {judged.note}")
     return lines

@@ -28,7 +28,7 @@ from harness.work.executors import executor
 RUNS, AVERAGES, RIGHT = 0.1, 0.2, 0.7
 # Of a picture that is right but for something outside of the path (a scale, a flip, an encoding), this much is earned.
 TRANSFORMED = 0.5
-# What an undecided picture earns: no fault was found in it.
+# What a picture earns whose mean is undecided: no fault was found in it.
 UNDECIDED = 1.0
 # Differences below this are not drawn.
 LEAST_DIFFERENCE = 0.02
@@ -99,7 +99,7 @@ def _graded(name: str, files: tuple[str, ...], checked: Checked, scene: SceneFil
         return common
     error, low, high = (float(value) for value in judged.verdict.luminance)
     worst = judged.worst
-    place = "" if judged.outcome == "pass" else (
+    place = "" if judged.is_right else (
         f"worst in x {worst.x} to {worst.x + worst.tile}, y {worst.y} to {worst.y + worst.tile}: {worst.channel} "
         f"{worst.error:+.2%}")
     family, formula = _cause(checked)
@@ -137,7 +137,7 @@ def _picture(judged: Judged | None, faults: Sequence[Finding]) -> Part:
 
 
 def _outcome(judged: Judged) -> Outcome:
-    return "pass" if judged.outcome == "pass" else "fail" if judged.outcome == "fail" else "inconclusive"
+    return "pass" if judged.is_right else "fail" if judged.outcome == "fail" else "inconclusive"
 
 
 def _sentence(checked: Checked) -> str:
@@ -145,7 +145,7 @@ def _sentence(checked: Checked) -> str:
     found, judged = checked.found, checked.judged
     wrong = [lost] if (lost := _averaging(checked)) else []
     wrong += [fault.told for fault in found.faults if fault.part != "accumulation"][:1]
-    if judged is not None and judged.outcome != "pass":
+    if judged is not None and not judged.is_right:
         error, low, high = judged.verdict.luminance
         wrong.append(f"mean luminance {error:+.2%} ({low:+.2%} to {high:+.2%})" if judged.outcome == "fail"
                      else "its noise leaves the picture undecided")
