@@ -118,7 +118,8 @@ def as_json(checked: Checked) -> dict[str, Any]:
     if judged is not None:
         error, low, high = judged.verdict.luminance
         report["estimator"] = {
-            "outcome": judged.outcome, "right": judged.is_right, "reason": judged.verdict.reason, "transform": judged.transform, "error": error,
+            "outcome": judged.outcome, "right": judged.is_right, "reason": judged.verdict.reason,
+            "transform": judged.transform, "error": error,
             "low": low, "high": high, "slope": judged.slope, "offset": judged.offset, "frames": judged.frames,
             "reference": judged.integrator, "note": judged.note,
             "worst": {name: getattr(judged.worst, name)
