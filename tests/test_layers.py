@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -60,10 +61,16 @@ def part(path: Path) -> str:
     return path.relative_to(ROOT / "harness").parts[0].removesuffix(".py")
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    """The syntax tree of a file, which several rules ask for."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imports(path: Path) -> Iterator[str]:
     """Absolute names of everything imported anywhere in a file, with what `from` takes out of packages."""
     package = path.relative_to(ROOT).with_suffix("").parts[:-1]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -98,7 +105,7 @@ class TestModule:
         assert not wrong, f"{part(path)} may not import {sorted(wrong)}"
 
     def test_opens_no_renderer_but_through_an_estimator(self, path: Path) -> None:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree = parsed(path)
         names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         assert part(path) in OPENERS or not names & RENDERERS
 
@@ -109,7 +116,7 @@ class TestModule:
         assert not wrong, f"{inside} may not import {sorted(wrong)}"
 
     def test_begins_with_a_line_that_says_what_it_is_for(self, path: Path) -> None:
-        docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+        docstring = ast.get_docstring(parsed(path))
         assert docstring and docstring.splitlines()[0].strip()
 
     def test_is_short_enough_to_hold_in_the_head(self, path: Path) -> None:
@@ -119,6 +126,6 @@ class TestModule:
 @pytest.mark.parametrize("path", TESTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_no_test_skips(path: Path) -> None:
     """A machine that lacks GL or LLVM fails: a skipped comparison looks like one that passed."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = parsed(path)
     names = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     assert not names & {"skip", "skipif", "importorskip", "xfail"}
