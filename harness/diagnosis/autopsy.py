@@ -15,6 +15,7 @@ from harness.diagnosis.report import report
 from harness.diagnosis.scatter import Scatter
 from harness.diagnosis.shown import ask_display
 from harness.diagnosis.tally import Tally, Witness
+from harness.diagnosis.vertex import begin
 from harness.errors import HarnessError
 from harness.gpu.tap import Look, Observed, Tap
 from harness.progress import Progress, quiet
@@ -83,7 +84,7 @@ def _ask(case: Case, look: Look, seen: Observed, tally: Tally, scatter: Scatter 
     alone = np.zeros((scene.width * scene.height, 4))
     if look.tapped:
         alone = case.tap.observe(replace(look, samples=1, tapped=0, number=0)).accumulated.astype(np.float64)
-    along = vertices.begin(paths.ask_beginning(case, look, seen, tally))
+    along = begin(paths.ask_beginning(case, look, seen, tally))
     for vertex in range(scene.max_depth):
         vertices.ask_vertex(case, seen, vertex, along, tally)
         if scatter is not None:

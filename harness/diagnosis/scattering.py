@@ -1,0 +1,113 @@
+"""Questions about how a path goes on from a vertex: with which material, which numbers, and in which direction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.diagnosis import expected
+from harness.diagnosis.case import Case
+from harness.diagnosis.tally import Tally
+from harness.diagnosis.vertex import ENVIRONMENT, GRAZING, SCATTER, Progress, Vertex
+
+
+def ask_scattering(case: Case, vertex: Vertex, same: np.ndarray, progress: Progress, tally: Tally) -> np.ndarray:
+    """Whether the path scatters, with which material and which numbers; indices where both say that it does."""
+    theirs = vertex.theirs
+    drew = (vertex.called & SCATTER) != 0
+    should = (theirs.cosine > 0) | (theirs.two_sided & (theirs.cosine < 0))
+    should &= vertex.number + 1 < case.scene.max_depth
+    clear = np.flatnonzero(same & (np.abs(theirs.cosine) > GRAZING))
+    tally.ask("scatters", drew[clear], should[clear], vertex.lanes[clear], vertex=vertex.number,
+              difference=(drew != should)[clear].astype(float))
+    where = np.flatnonzero(same & drew & should)
+    lanes = vertex.lanes[where]
+    if not case.own & {"generator", "loop", "sampler"}:
+        before = expected.uint32(vertex["states"][where, :2])
+        taken = vertex["direction"][where, 3]
+        wanted = 3 if case.chooses else 2
+        tally.ask("draws", np.c_[before, taken], np.c_[progress.state[lanes], np.full(len(lanes), wanted)], lanes,
+                  vertex=vertex.number, notes=[("in sample_phong", taken != wanted)])
+    _ask_material(vertex, where, tally)
+    wrong = np.maximum(vertex["facing"][where, 3], vertex["surface"][where, 2] / (1 + np.abs(vertex["met"][where, :3])
+                                                                                  .max(axis=1)))
+    away = (vertex["facing"][where, :3] * vertex["ray"][where, :3]).sum(axis=1) > GRAZING
+    tally.ask("arguments", wrong, np.zeros(len(where)), lanes, vertex=vertex.number,
+              difference=np.where(away, np.inf, wrong))
+    missed = np.flatnonzero((vertex.called & ENVIRONMENT) != 0)
+    tally.ask("arguments", vertex["surface"][missed, 3], np.zeros(len(missed)), vertex.lanes[missed],
+              vertex=vertex.number)
+    return where
+
+
+def _ask_material(vertex: Vertex, where: np.ndarray, tally: Tally) -> None:
+    theirs = vertex.theirs
+    kd, ks, alpha = (value[where].astype(np.float64) for value in (theirs.kd, theirs.ks, theirs.alpha))
+    share = expected.glossy_share(kd, ks)
+    diffuse, glossy = vertex["diffuse"][where], vertex["glossy"][where]
+    has_lobe = ks.max(axis=1) > 0
+    parts = {"kd": np.abs(diffuse[:, :3] - kd).max(axis=1), "ks": (np.abs(glossy[:, :3] - ks) / (1 + ks)).max(axis=1),
+             "alpha": np.where(has_lobe, np.abs(diffuse[:, 3] - alpha) / (1 + alpha), 0),
+             "p_glossy": np.abs(glossy[:, 3] - share)}
+    difference = np.maximum.reduce(list(parts.values()))
+    tally.ask("material", np.c_[diffuse[:, :3], glossy[:, :3], np.where(has_lobe, diffuse[:, 3], 0), glossy[:, 3]],
+              np.c_[kd, ks, np.where(has_lobe, alpha, 0), share], vertex.lanes[where], vertex=vertex.number,
+              difference=difference, shapes=vertex.shape[where],
+              notes=[(name, part >= 0.5 * difference) for name, part in parts.items()])
+    tally.note_shift("material", diffuse[:, 0], kd[:, 0], vertex.shape[where])
+
+
+def ask_sampling(case: Case, vertex: Vertex, where: np.ndarray, tally: Tally) -> None:
+    """By which lobe the direction was drawn, and whether it is the one that the numbers make of it."""
+    sampler = vertex["tangent"][where, 3]
+    where = where[sampler > 0]  # a library without these functions has a sampler of its own
+    sampler = sampler[sampler > 0]
+    lanes, number = vertex.lanes[where], vertex.number
+    normal, viewer = vertex["facing"][where, :3], -vertex["ray"][where, :3]
+    mirror = expected.mirrored(normal, viewer)
+    alpha, share = vertex["diffuse"][where, 3], vertex["glossy"][where, 3]
+    axis, exponent, u = vertex["lobe"][where, :3], vertex["lobe"][where, 3], vertex["numbers"][where, :2]
+    state = expected.uint32(vertex["states"][where, :2])
+    if not case.own & {"generator", "sampler"}:
+        choice = expected.number(state)
+        glossy = choice < share if case.chooses else np.full(len(where), case.strategy == "phong")
+        which = 1 if case.strategy == "uniform" else 2 if case.plain_cosine else 3
+        first = expected.advance(state, int(case.chooses))
+        numbers = np.stack([expected.number(first), expected.number(expected.advance(first))], axis=1)
+        wanted_exponent = np.where(sampler == 1, 0.0, np.where(glossy, alpha, 1.0))
+        wanted = np.c_[np.full(len(where), which), np.where(glossy[:, None], mirror, normal), wanted_exponent, numbers]
+        found = np.c_[sampler, axis, exponent, u]
+        apart = np.abs(found - wanted)
+        apart[:, 4] /= 1 + wanted_exponent
+        sure = np.abs(choice - share) > 1e-6 if case.chooses else np.ones(len(where), dtype=bool)
+        tally.ask("lobe", found[sure], wanted[sure], lanes[sure], vertex=number, difference=apart[sure].max(axis=1))
+    tangent, bitangent = vertex["tangent"][where, :3], vertex["bitangent"][where, :3]
+    if "to_world" in case.functions and tangent.any():
+        _ask_frame(case, vertex, where, tangent, bitangent, axis, tally)
+    if "sampler" in case.own:
+        return
+    for name, cosine, found in (("azimuth", np.full(len(where), 0.6), vertex["about"][where, :3]),
+                                ("direction", expected.polar_cosine(sampler, exponent, u[:, 0]),
+                                 vertex["direction"][where, :3])):
+        if name == "azimuth" and not found.any():
+            continue
+        phi, sine = 2 * np.pi * u[:, 1:], np.sqrt(np.maximum(0, 1 - cosine**2))[:, None]
+        wanted = sine * (np.cos(phi) * tangent + np.sin(phi) * bitangent) + cosine[:, None] * axis
+        tally.ask(name, found, wanted, lanes, vertex=number, shapes=vertex.shape[where],
+                  notes=[(word, sampler == which) for which, word in
+                         ((1, "sample_uniform"), (2, "sample_cosine"), (3, "sample_lobe"))])
+
+
+def _ask_frame(case: Case, vertex: Vertex, where: np.ndarray, tangent: np.ndarray, bitangent: np.ndarray,
+               axis: np.ndarray, tally: Tally) -> None:
+    """The basis about an axis: ours, by which the oracle follows paths; of somebody's own any orthonormal one."""
+    if "sampler" in case.own:
+        basis = np.stack([tangent, bitangent, axis], axis=1)
+        found = (basis @ np.swapaxes(basis, 1, 2)).reshape(-1, 9)
+        found[:, 8] -= (axis**2).sum(axis=1) - 1  # the axis was given
+        wanted = np.tile(np.eye(3).ravel(), (len(where), 1))
+        sure = np.ones(len(where), dtype=bool)
+    else:
+        found, wanted = np.c_[tangent, bitangent], np.concatenate(expected.frame(axis), axis=1)
+        sure = np.abs(axis[:, 2] - expected.TURNS_AT) > GRAZING
+    tally.ask("frame", found[sure], wanted[sure], vertex.lanes[where[sure]], vertex=vertex.number,
+              shapes=vertex.shape[where[sure]])
