@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from harness.diagnosis import expected
 from harness.diagnosis.case import Case
+from harness.diagnosis.questions import QUESTIONS
+from harness.diagnosis.seen import Seen
 from harness.diagnosis.surface import residual, shell
 from harness.diagnosis.tally import Tally
 from harness.diagnosis.vertex import EMISSION, ENVIRONMENT, GRAZING, NORMAL, Vertex
@@ -18,9 +21,14 @@ MESH = 100.0
 OUTERMOST = 0.94
 # A normal's length is rounded once, by 1e-7: it counts so many times as much as its direction.
 UNIT = 50.0
+# A sphere's equation is rounded as its radius is: half the spacing of float32 at 1, in the measure of `distance`.
+ROUNDED = 2.0**-24 / QUESTIONS["distance"].tolerance
+# Rays that round to one another: so far apart in direction, and in origins of order one; and of how many whose answers
+# differ it is asked at most whether one of those meets what the shader met.
+NEAR, NEAR_RAYS = 2e-5, 64
 
 
-def ask_hit(case: Case, vertex: Vertex, tally: Tally) -> np.ndarray:
+def ask_hit(case: Case, seen: Seen, vertex: Vertex, tally: Tally) -> np.ndarray:
     """Where both met the same shape."""
     theirs, mine = vertex.theirs, vertex.shape
     distance = np.where(mine >= 0, vertex["origin"][:, 3], NO_HIT)
@@ -28,8 +36,9 @@ def ask_hit(case: Case, vertex: Vertex, tally: Tally) -> np.ndarray:
     known = theirs.shape >= -1
     about = np.where(missed, theirs.shape, mine)
     outside = _outside(case, vertex, about)
+    unlike = known & (mine != theirs.shape)
     tally.ask("hit", mine[known], theirs.shape[known], vertex.lanes[known], vertex=vertex.number,
-              difference=(mine != theirs.shape)[known].astype(float),
+              difference=unlike[known].astype(float), certain=_beyond_rounding(case, seen, vertex, unlike)[known],
               shapes=about[known], notes=[("entered wrongly", outside[known])])
     same = (mine >= 0) & (mine == theirs.shape)
     where = np.flatnonzero(same)
@@ -38,9 +47,37 @@ def ask_hit(case: Case, vertex: Vertex, tally: Tally) -> np.ndarray:
     across = np.abs(theirs.cosine[where]) / (1 + np.abs(origin).max(axis=1) + theirs.distance[where])
     apart = np.abs(t - theirs.distance[where]) * across
     slack = np.where(case.of_kind("cylinder")[of], COARSE, np.where(case.of_kind("displacedsphere")[of], MESH, 1.0))
+    slack = slack + ROUNDED * case.radii()[of]
     tally.ask("distance", t, theirs.distance[where], vertex.lanes[where], vertex=vertex.number, difference=apart,
               slack=slack, shapes=of, notes=[("entered wrongly", outside[where])])
     return same
+
+
+def _beyond_rounding(case: Case, seen: Seen, vertex: Vertex, unlike: np.ndarray) -> np.ndarray:
+    """Of rays (N,) whose answers are `unlike`, whether no ray that rounds to them meets in Mitsuba what they met in the
+    shader: then no edge explains it."""
+    found = np.zeros(len(unlike), dtype=bool)
+    where = np.flatnonzero(unlike)[:NEAR_RAYS]
+    if not len(where):
+        return found
+    origin, ray = vertex["origin"][where, :3], vertex["ray"][where, :3]
+    mine, theirs = vertex.shape[where], vertex.theirs.shape[where]
+    near = np.full(len(where), NEAR)
+    for kind, coarse in (("cylinder", COARSE), ("displacedsphere", MESH)):
+        near[case.of_kind(kind)[mine] | case.of_kind(kind)[theirs]] *= coarse
+    across, along = expected.frame(ray)
+    origins, rays = [], []
+    for size in (0.1, 1.0):
+        for side in (across, -across, along, -along):
+            step = side * (size * near)[:, None]
+            for moved in (step, -step, 0 * step):
+                origins.append(origin + moved * (1 + np.abs(origin).max(axis=1, keepdims=True)))
+                rays.append(ray + step)
+    start, direction = (np.concatenate(each).astype(np.float32) for each in (origins, rays))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    answers = seen.once(("near", vertex.number), lambda: case.steps.vertices(start, direction, direction).shape)
+    found[where] = (answers.reshape(len(origins), -1) != mine).all(axis=0)
+    return found
 
 
 def _outside(case: Case, vertex: Vertex, about: np.ndarray) -> np.ndarray:
@@ -79,7 +116,7 @@ def ask_surface(case: Case, vertex: Vertex, same: np.ndarray, tally: Tally) -> N
     off = np.abs(((met - point) * vertex.theirs.normal[where]).sum(axis=1)) / (1 + np.abs(point).max(axis=1))
     smooth = ~case.of_kind("displacedsphere")[of]
     tally.ask("place", met[smooth], point[smooth], vertex.lanes[where[smooth]], vertex=vertex.number,
-              difference=off[smooth], slack=slack[smooth], shapes=of[smooth])
+              difference=off[smooth], slack=slack[smooth] + ROUNDED * case.radii()[of[smooth]], shapes=of[smooth])
     uses = case.has_coordinates()[of]
     where, of = where[uses], of[uses]
     apart = _uv_apart(case, vertex["surface"][where, :2], vertex.theirs.uv[where], of)

@@ -6,6 +6,7 @@ import numpy as np
 
 from harness.diagnosis import expected
 from harness.diagnosis.case import Case
+from harness.diagnosis.questions import QUESTIONS
 from harness.diagnosis.tally import Tally
 from harness.diagnosis.vertex import ENVIRONMENT, GRAZING, SCATTER, Progress, Vertex
 
@@ -21,11 +22,12 @@ def ask_scattering(case: Case, vertex: Vertex, same: np.ndarray, progress: Progr
               difference=(drew != should)[clear].astype(float))
     where = np.flatnonzero(same & drew & should)
     lanes = vertex.lanes[where]
-    if not case.own & {"generator", "loop", "sampler"}:
-        before = expected.uint32(vertex["states"][where, :2])
-        taken = vertex["direction"][where, 3]
-        wanted = 3 if case.chooses else 2
-        tally.ask("draws", np.c_[before, taken], np.c_[progress.state[lanes], np.full(len(lanes), wanted)], lanes,
+    taken, wanted = vertex["direction"][where, 3], case.numbers_of_scattering
+    if not case.own & {"loop", "sampler"}:
+        # Of another generator's states nothing is known but how many numbers it gave.
+        before, expected_before = ((vertex["weight"][where, 3], progress.taken[lanes]) if "generator" in case.own else
+                                   (expected.uint32(vertex["states"][where, :2]), progress.state[lanes]))
+        tally.ask("draws", np.c_[before, taken], np.c_[expected_before, np.full(len(lanes), wanted)], lanes,
                   vertex=vertex.number, notes=[("in sample_phong", taken != wanted)])
     _ask_material(vertex, where, tally)
     wrong = np.maximum(vertex["facing"][where, 3], vertex["surface"][where, 2] / (1 + np.abs(vertex["met"][where, :3])
@@ -66,35 +68,35 @@ def ask_sampling(case: Case, vertex: Vertex, where: np.ndarray, tally: Tally) ->
     mirror = expected.mirrored(normal, viewer)
     alpha, share = vertex["diffuse"][where, 3], vertex["glossy"][where, 3]
     axis, exponent, u = vertex["lobe"][where, :3], vertex["lobe"][where, 3], vertex["numbers"][where, :2]
-    state = expected.uint32(vertex["states"][where, :2])
-    if not case.own & {"generator", "sampler"}:
-        choice = expected.number(state)
-        glossy = choice < share if case.chooses else np.full(len(where), case.strategy == "phong")
-        which = 1 if case.strategy == "uniform" else 2 if case.plain_cosine else 3
-        first = expected.advance(state, int(case.chooses))
-        numbers = np.stack([expected.number(first), expected.number(expected.advance(first))], axis=1)
+    if "sampler" not in case.own:
+        taken = vertex["taken"][where]
+        choice, numbers = taken[:, 0], taken[:, case.numbers_of_scattering - 2:][:, :2]
+        glossy = choice < share if case.chooses else np.full(len(where), case.drawn == "phong")
+        which = {"uniform": 1, "cosine": 2}.get(case.drawn, 3)
         wanted_exponent = np.where(sampler == 1, 0.0, np.where(glossy, alpha, 1.0))
         wanted = np.c_[np.full(len(where), which), np.where(glossy[:, None], mirror, normal), wanted_exponent, numbers]
         found = np.c_[sampler, axis, exponent, u]
         apart = np.abs(found - wanted)
         apart[:, 4] /= 1 + wanted_exponent
-        sure = np.abs(choice - share) > 1e-6 if case.chooses else np.ones(len(where), dtype=bool)
+        sure = vertex["direction"][where, 3] >= case.numbers_of_scattering  # else `draws` accuses
+        sure &= (np.abs(choice - share) > 1e-6) | (not case.chooses)
         tally.ask("lobe", found[sure], wanted[sure], lanes[sure], vertex=number, difference=apart[sure].max(axis=1))
     tangent, bitangent = vertex["tangent"][where, :3], vertex["bitangent"][where, :3]
     if "to_world" in case.functions and tangent.any():
         _ask_frame(case, vertex, where, tangent, bitangent, axis, tally)
     if "sampler" in case.own:
         return
-    for name, cosine, found in (("azimuth", np.full(len(where), 0.6), vertex["about"][where, :3]),
-                                ("direction", expected.polar_cosine(sampler, exponent, u[:, 0]),
-                                 vertex["direction"][where, :3])):
-        if name == "azimuth" and not found.any():
-            continue
-        phi, sine = 2 * np.pi * u[:, 1:], np.sqrt(np.maximum(0, 1 - cosine**2))[:, None]
-        wanted = sine * (np.cos(phi) * tangent + np.sin(phi) * bitangent) + cosine[:, None] * axis
-        tally.ask(name, found, wanted, lanes, vertex=number, shapes=vertex.shape[where],
-                  notes=[(word, sampler == which) for which, word in
-                         ((1, "sample_uniform"), (2, "sample_cosine"), (3, "sample_lobe"))])
+    turned = vertex["about"][where, :3]
+    if turned.any():
+        wanted = expected.about(axis, tangent, bitangent, np.full(len(where), 0.6), u[:, 1])
+        tally.ask("azimuth", turned, wanted, lanes, vertex=number, shapes=vertex.shape[where])
+    wanted = expected.about(axis, tangent, bitangent, expected.polar_cosine(sampler, exponent, u[:, 0]), u[:, 1])
+    direction, drawn = vertex["direction"][where, :3], vertex["drawn"][where, :3]
+    # What a sampler returned must also be what sample_phong returns.
+    kept = np.abs(direction - drawn).max(axis=1) <= QUESTIONS["direction"].tolerance
+    tally.ask("direction", direction, wanted, lanes, vertex=number, shapes=vertex.shape[where],
+              notes=[("sample_phong", ~kept), *((word, kept & (sampler == which)) for which, word in
+                                                ((1, "sample_uniform"), (2, "sample_cosine"), (3, "sample_lobe")))])
 
 
 def _ask_frame(case: Case, vertex: Vertex, where: np.ndarray, tangent: np.ndarray, bitangent: np.ndarray,

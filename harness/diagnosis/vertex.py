@@ -18,9 +18,11 @@ GRAZING = 1e-5
 @dataclass
 class Progress:
     """What is carried along the paths of a look, (N, ...): `state` of the generator before the next scattering, as the
-    path's own recorded one leads to; `throughput` and `radiance` in float32 as the loop should have them."""
+    path's own recorded one leads to; `taken`, how many numbers the path took by then; `throughput` and `radiance` in
+    float32 as the loop should have them."""
 
     state: np.ndarray
+    taken: np.ndarray
     throughput: np.ndarray
     radiance: np.ndarray
     direction: np.ndarray
@@ -44,9 +46,9 @@ class Vertex:
         return self.seen[name].astype(np.float64)
 
 
-def begin(state: np.ndarray) -> Progress:
-    """Before the first vertex."""
+def begin(state: np.ndarray, taken: int) -> Progress:
+    """Before the first vertex; `taken`: numbers for the film, the lens and the time."""
     count = len(state)
     nothing = np.zeros((count, 3))
-    return Progress(state, np.ones((count, 3), dtype=np.float32), np.zeros((count, 3), dtype=np.float32), nothing,
-                    nothing.copy(), nothing.copy(), nothing.copy())
+    return Progress(state, np.full(count, taken), np.ones((count, 3), dtype=np.float32),
+                    np.zeros((count, 3), dtype=np.float32), nothing, nothing.copy(), nothing.copy(), nothing.copy())

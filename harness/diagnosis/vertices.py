@@ -8,10 +8,10 @@ from harness.diagnosis import expected
 from harness.diagnosis.case import Case
 from harness.diagnosis.meeting import ask_hit, ask_light, ask_surface
 from harness.diagnosis.scattering import ask_sampling, ask_scattering
+from harness.diagnosis.seen import Seen
 from harness.diagnosis.tally import Tally
 from harness.diagnosis.vertex import SCATTER, Progress, Vertex
 from harness.diagnosis.weights import ask_weight
-from harness.gpu.tap import Observed
 from harness.reference.coupled_steps import NO_HIT, Vertices
 
 # How far an origin may be lifted off the surface, in units of 1 + its largest coordinate: Mitsuba's offset is 8.94e-5.
@@ -19,18 +19,18 @@ from harness.reference.coupled_steps import NO_HIT, Vertices
 LEAST_LIFT, MOST_LIFT = 0.5 * 8.94e-5, 2.0 * 8.94e-5
 
 
-def ask_vertex(case: Case, seen: Observed, number: int, progress: Progress, tally: Tally) -> None:
+def ask_vertex(case: Case, seen: Seen, number: int, progress: Progress, tally: Tally) -> None:
     """All questions about vertex `number` of the paths that reach it."""
     lanes = np.flatnonzero(seen.paths["gaze"][:, 3] > number)
     if not len(lanes):
         return
-    records = {name: values[lanes] for name, values in seen.vertices[number].items()}
-    direction = records["ray"][:, :3]
-    theirs = case.steps.vertices(records["origin"][:, :3], direction, records["direction"][:, :3])
+    records = {name: values[lanes] for name, values in seen.vertex(number).items()}
+    theirs = seen.once(("vertices", number), lambda: case.steps.vertices(
+        records["origin"][:, :3], records["ray"][:, :3], records["direction"][:, :3]))
     vertex = Vertex(number, lanes, records, _within_reach(theirs, records["place"][:, 3]),
                      records["ray"][:, 3].astype(int), records["normal"][:, 3].astype(int))
     _ask_ray(case, seen, vertex, progress, tally)
-    same = ask_hit(case, vertex, tally)
+    same = ask_hit(case, seen, vertex, tally)
     ask_surface(case, vertex, same, tally)
     light = ask_light(case, vertex, same, tally)
     progress.radiance[lanes] += progress.throughput[lanes] * light.astype(np.float32)
@@ -41,9 +41,10 @@ def ask_vertex(case: Case, seen: Observed, number: int, progress: Progress, tall
     weight = np.where(drew[:, None], records["weight"][:, :3], 0).astype(np.float32)
     progress.throughput[lanes] *= weight
     taken = np.where(drew, records["direction"][:, 3], 0).astype(int)
+    progress.taken[lanes] += taken
     for steps in np.unique(taken[taken > 0]):
         those = lanes[taken == steps]
-        progress.state[those] = expected.advance(expected.uint32(seen.vertices[number]["states"][those, :2]), steps)
+        progress.state[those] = expected.advance(expected.uint32(seen.vertex(number)["states"][those, :2]), steps)
     progress.direction[lanes], progress.met[lanes] = records["direction"][:, :3], records["met"][:, :3]
     progress.lifted[lanes], progress.normal[lanes] = records["lifted"][:, :3], records["facing"][:, :3]
     if "loop" not in case.own:
@@ -59,7 +60,7 @@ def _within_reach(theirs: Vertices, reach: np.ndarray) -> Vertices:
     return theirs
 
 
-def _ask_ray(case: Case, seen: Observed, vertex: Vertex, progress: Progress, tally: Tally) -> None:
+def _ask_ray(case: Case, seen: Seen, vertex: Vertex, progress: Progress, tally: Tally) -> None:
     """Whether the ray is the one that the camera made, or that was scattered, and starts where it should."""
     lanes, origin, reach = vertex.lanes, vertex["origin"][:, :3], vertex["place"][:, 3]
     if vertex.number == 0:
@@ -74,7 +75,7 @@ def _ask_ray(case: Case, seen: Observed, vertex: Vertex, progress: Progress, tal
     unit = 1 + np.abs(place).max(axis=1)
     if "loop" not in case.own:
         apart = np.abs(vertex["ray"][:, :3] - progress.direction[lanes]).max(axis=1)
-        asked = seen.vertices[before]["lifted"][lanes, 3] > 0
+        asked = seen.vertex(before)["lifted"][lanes, 3] > 0
         moved = np.abs(origin - progress.lifted[lanes]).max(axis=1) / unit
         tally.ask("origin", np.c_[origin, vertex["ray"][:, :3]],
                   np.c_[np.where(asked[:, None], progress.lifted[lanes], origin), progress.direction[lanes]], lanes,

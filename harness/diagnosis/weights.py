@@ -29,14 +29,14 @@ def ask_weight(case: Case, vertex: Vertex, where: np.ndarray, tally: Tally) -> N
             if name == "pdf_lobe":
                 tally.note_shift("pdf", found, wanted, of)
     if vertex["brdf"].any():
-        wanted = kd / np.pi + ks * lobe[:, None]
+        wanted = expected.brdf(kd, ks, lobe)
         found = vertex["brdf"][where, :3]
         tally.ask("brdf", found, wanted, lanes, vertex=number, shapes=of,
                   difference=np.abs(found - wanted).max(axis=1) / (0.01 + wanted.max(axis=1)))
         tally.note_shift("brdf", found[:, 0], wanted[:, 0], of)
-    if "sampler" in case.own:
+    if "density" in case.own:
         return
-    whole = _weights(case, vertex, where, cosine, lobe)
+    whole = _weight(case, vertex, where, cosine, lobe)
     # The side is Mitsuba's normal's: where the two differ by rounding, a grazing direction may be below one of them.
     above = np.abs(cosine) > GRAZING
     difference = np.abs(weight - whole).max(axis=1) / (0.01 + np.abs(whole).max(axis=1))
@@ -45,29 +45,20 @@ def ask_weight(case: Case, vertex: Vertex, where: np.ndarray, tally: Tally) -> N
     tally.note_shift("weight", weight[above, 0], whole[above, 0], of[above])
 
 
-def _weights(case: Case, vertex: Vertex, where: np.ndarray, cosine: np.ndarray, lobe: np.ndarray) -> np.ndarray:
+def _weight(case: Case, vertex: Vertex, where: np.ndarray, cosine: np.ndarray, lobe: np.ndarray) -> np.ndarray:
     """f cos / pdf, (M, 3), of the recorded directions: Mitsuba's values over the densities of the strategy."""
     theirs, of = vertex.theirs, vertex.shape[where]
-    alpha, share, diffuse = vertex["diffuse"][where, 3], vertex["glossy"][where, 3], np.maximum(cosine, 0) / np.pi
     kd, ks = theirs.kd[where].astype(np.float64), theirs.ks[where].astype(np.float64)
     # Mitsuba's mesh has other normals than the surface of a displaced sphere.
     meshed = case.of_kind("displacedsphere")[of]
-    true = (kd / np.pi + ks * lobe[:, None]) * np.maximum(cosine, 0)[:, None]
+    true = expected.brdf(kd, ks, lobe) * np.maximum(cosine, 0)[:, None]
     value = np.where(meshed[:, None], true, theirs.value[where])
-    if case.strategy == "uniform":
-        whole = value * (2 * np.pi)
-    elif case.plain_cosine:
-        whole = value / diffuse[:, None]
-    elif case.strategy == "phong":
-        whole = value / lobe[:, None]
-    elif case.strategy == "lobes":
-        if case.own:
-            exponent = vertex["lobe"][where, 3]
-            glossy = np.abs(exponent - alpha) < np.abs(exponent - 1)
-        else:
-            glossy = expected.number(expected.uint32(vertex["states"][where, :2])) < share
-        # Each term against its own density, of which only the share is left: in a lobe's tail both are tiny.
-        whole = np.where(glossy[:, None], ks * (cosine / share)[:, None], kd / (1 - share)[:, None])
-    else:
-        whole = value / ((1 - share) * diffuse + share * lobe)[:, None]
-    return np.where(np.isfinite(whole) & (cosine > 0)[:, None], whole, 0.0)
+    share = vertex["glossy"][where, 3]
+    glossy = vertex["taken"][where, 0] < share
+    if case.drawn != "lobes" or "sampler" not in case.own:
+        return expected.weight(case.drawn, value, kd, ks, share, cosine, lobe, glossy)
+    # Which term a sampler of one's own has chosen is not known: what it draws has the weight of one of them.
+    either = [expected.weight(case.drawn, value, kd, ks, share, cosine, lobe, np.full(len(where), term))
+              for term in (False, True)]
+    apart = [np.abs(vertex["weight"][where, :3] - each).max(axis=1) for each in either]
+    return np.where((apart[0] <= apart[1])[:, None], *either)

@@ -18,22 +18,29 @@ void tap_lobe(float which, vec3 axis, float exponent, vec2 u)
 }
 
 #if TAP_HAS_SAMPLERS
+vec3 tap_drew(vec3 direction)
+{
+    if (tap_here())
+        tap_at_vertex(TAP_DRAWN) = vec4(direction, 1.0);
+    return direction;
+}
+
 vec3 tap_sample_uniform(vec3 n, vec2 u)
 {
     tap_lobe(1.0, n, 0.0, u);
-    return sample_uniform(n, u);
+    return tap_drew(sample_uniform(n, u));
 }
 
 vec3 tap_sample_cosine(vec3 n, vec2 u)
 {
     tap_lobe(2.0, n, 1.0, u);
-    return sample_cosine(n, u);
+    return tap_drew(sample_cosine(n, u));
 }
 
 vec3 tap_sample_lobe(vec3 axis, float alpha, vec2 u)
 {
     tap_lobe(3.0, axis, alpha, u);
-    return sample_lobe(axis, alpha, u);
+    return tap_drew(sample_lobe(axis, alpha, u));
 }
 
 #define sample_uniform tap_sample_uniform

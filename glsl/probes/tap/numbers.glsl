@@ -17,6 +17,8 @@ float tap_rand()
     tap_generator.w = max(tap_generator.w, found);
     if (tap_path() && tap_drawn < 4)
         tap_of_path(TAP_FIRST)[tap_drawn] = found;
+    if (tap_here() && tap_scattering >= 0 && tap_drawn - tap_scattering < 4)
+        tap_at_vertex(TAP_TAKEN)[tap_drawn - tap_scattering] = found;
     ++tap_drawn;
     return found;
 }

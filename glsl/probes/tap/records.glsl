@@ -28,7 +28,9 @@ uniform vec3 tap_point;
 #define TAP_TURNED 18      // what from_rest returned
 #define TAP_LIFTED 19      // offset_origin of the place that was met and the normal that sample_phong was given; 1 if asked
 #define TAP_MET 20         // the place that was met
-#define TAP_VERTEX_RECORDS 21
+#define TAP_DRAWN 21       // what the sampler returned; 1 if one was called
+#define TAP_TAKEN 22       // the first four numbers that sample_phong took
+#define TAP_VERTEX_RECORDS 23
 // Of a path.
 #define TAP_FILM 0         // film point, numbers of the lens
 #define TAP_STREAM 1       // what pixel_stream returned
@@ -56,6 +58,7 @@ uniform vec3 tap_point;
 int tap_base;                // where the pixel's records begin
 int tap_sample_now = -1, tap_vertex_now = -1;
 int tap_drawn = 0;           // numbers of the path so far
+int tap_scattering = -1;     // of them, those taken when sample_phong was called; -1 outside it
 vec4 tap_generator = vec4(0.0);
 float tap_calls = 0.0;       // of functions at the vertex
 float tap_times = 0.0;       // calls of set_time by the path

@@ -17,7 +17,9 @@ vec3 tap_sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
         tap_at_vertex(TAP_STATES).xy = tap_halves(rng_state);
 #endif
     }
+    tap_scattering = tap_drawn;
     vec3 weight = sample_phong(m, n, v, l);
+    tap_scattering = -1;
     if (tap_here()) {
         tap_at_vertex(TAP_DIRECTION) = vec4(l, float(tap_drawn - before));
         tap_at_vertex(TAP_WEIGHT) = vec4(weight, float(before));
