@@ -21,7 +21,8 @@ MESH = 100.0
 OUTERMOST = 0.94
 # A normal's length is rounded once, by 1e-7: it counts so many times as much as its direction.
 UNIT = 50.0
-# A sphere's equation is rounded as its radius is: half the spacing of float32 at 1, in the measure of `distance`.
+# A sphere's equation is rounded as its radius is: by half the spacing of float32 at 1, times that, beyond what is
+# rounding elsewhere. In the measure of `distance`.
 ROUNDED = 2.0**-24 / QUESTIONS["distance"].tolerance
 # Rays that round to one another: so far apart in direction, and in origins of order one; and of how many whose answers
 # differ it is asked at most whether one of those meets what the shader met.
