@@ -69,8 +69,8 @@ def ask_sampling(case: Case, vertex: Vertex, where: np.ndarray, tally: Tally) ->
     alpha, share = vertex["diffuse"][where, 3], vertex["glossy"][where, 3]
     axis, exponent, u = vertex["lobe"][where, :3], vertex["lobe"][where, 3], vertex["numbers"][where, :2]
     if "sampler" not in case.own:
-        taken = vertex["taken"][where]
-        choice, numbers = taken[:, 0], taken[:, case.numbers_of_scattering - 2:][:, :2]
+        given = _numbers(case, vertex, where)
+        choice, numbers = given[:, 0], given[:, -2:]
         glossy = choice < share if case.chooses else np.full(len(where), case.drawn == "phong")
         which = {"uniform": 1, "cosine": 2}.get(case.drawn, 3)
         wanted_exponent = np.where(sampler == 1, 0.0, np.where(glossy, alpha, 1.0))
@@ -97,6 +97,16 @@ def ask_sampling(case: Case, vertex: Vertex, where: np.ndarray, tally: Tally) ->
     tally.ask("direction", direction, wanted, lanes, vertex=number, shapes=vertex.shape[where],
               notes=[("sample_phong", ~kept), *((word, kept & (sampler == which)) for which, word in
                                                 ((1, "sample_uniform"), (2, "sample_cosine"), (3, "sample_lobe")))])
+
+
+def _numbers(case: Case, vertex: Vertex, where: np.ndarray) -> np.ndarray:
+    """The numbers that sample_phong should take, one column each: those that its generator's state leads to; of a
+    generator of one's own, those that it took."""
+    count = case.numbers_of_scattering
+    if "generator" in case.own:
+        return vertex["taken"][where, :count]
+    state = expected.uint32(vertex["states"][where, :2])
+    return np.stack([expected.number(expected.advance(state, step)) for step in range(count)], axis=1)
 
 
 def _ask_frame(case: Case, vertex: Vertex, where: np.ndarray, tangent: np.ndarray, bitangent: np.ndarray,

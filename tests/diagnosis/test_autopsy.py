@@ -61,7 +61,8 @@ def test_the_right_shader_is_accused_of_nothing(scene: str, strategy: str) -> No
     ("seed-ignores-sample", "seed"), ("passes-overlap", "pass"), ("jitter-half-wide", "film"),
     ("camera-fov-half-percent", "camera"), ("viewer-direction-sign", "arguments"), ("sphere-far-root", "distance"),
     ("deep-paths-see-through", "branch"), ("diffuse-drawn-as-lobe", "lobe"), ("azimuth-not-closed", "azimuth"),
-    ("lobe-pdf-half-percent", "pdf"), ("mixture-weights-swapped", "weight"), ("epsilon-inwards", "offset"),
+    ("selection-reuses-number", "lobe"), ("lobe-pdf-half-percent", "pdf"), ("mixture-weights-swapped", "weight"),
+    ("epsilon-inwards", "offset"),
     ("radiance-not-reset", "radiance"), ("sample-lost", "counted"), ("display-gamma", "display"),
 ])
 def test_mutants_are_named_with_their_function(spheres: CoupledSteps, mutant: str, stage: str) -> None:
