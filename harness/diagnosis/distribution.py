@@ -19,8 +19,8 @@ from harness.stats.deviates import skew_deviate
 # grazing, which halves those drawn by the cosine; and the side of the plane of incidence.
 RINGS, STEEP, SIDES = (0.9, 0.5, 0.0), 0.5**0.5, 2
 CELLS = (len(RINGS) + 1) * 2 * SIDES
-# The probability with which a right sampler fails, over all cells and the whole.
-LEVEL = 1e-3
+# The probability with which a right sampler fails, over all cells and the whole: hundreds are tested for one score.
+LEVEL = 1e-5
 # So many directions are drawn at each vertex to compare with.
 DRAWS = 4
 # Weights below it are none: a power underflows in float32 that does not in float64.

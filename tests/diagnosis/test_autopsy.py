@@ -157,9 +157,9 @@ class TestStranger:
         assert examined(ladder, "lobes", VARIANTS[name]).stage is None
 
     def test_sampler_is_tested_by_how_often_it_draws_which_direction(self, spheres: CoupledSteps) -> None:
-        """A sampler of one's own whose lobe has the exponent 2 α: its weights are right, its directions are not."""
+        """A sampler of one's own whose lobe has the exponent 8 α: its weights are right, its directions are not."""
         library = exchanged(VARIANTS["lobe-by-the-other-end"], "lib/sampling.glsl", "1.0 / (alpha + 1.0)",
-                            "1.0 / (2.0 * alpha + 1.0)")
+                            "1.0 / (8.0 * alpha + 1.0)")
         found = examined(spheres, "mixture", library)
         assert found.scatter is not None and found.scatter.fails
         assert (found.stage, found.places[0].function) == ("direction", "sample_lobe")
