@@ -56,7 +56,7 @@ def _run(gate: Gate, film: Film, references: References, progress: Progress, beg
         ours = Run(renderer, gate.spp)
         agreement = None
         if gate.agreement is not None:
-            gate, agreement = agreed(gate, renderer, theirs.renderer)
+            agreement = agreed(gate, renderer, theirs.renderer)
         looks = _look(gate, ours, theirs, advance, decided=agreement is not None and agreement.outcome == "fail")
         broken = breach(gate, ours)
         result = _result(gate, film, looks, ours, theirs, broken, time.perf_counter() - began)
