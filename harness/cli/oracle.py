@@ -54,8 +54,8 @@ def _print(found: OracleFile) -> None:
     from harness.stats.bias import percent
 
     table = Table(box=None, pad_edge=False)
-    for number, name in enumerate(("scene", "oracle spp", "path spp", "mean error", "interval", "z of the mean", "larger",
-                                   "smaller", "agrees", "CPU s")):
+    for number, name in enumerate(("scene", "oracle spp", "path spp", "mean error", "interval", "z of the mean",
+                                   "larger", "smaller", "agrees", "CPU s")):
         table.add_column(name, justify="right" if number else "left")
     for each in found.records:
         error, low, high = (percent(value, signed=True) for value in each.error)

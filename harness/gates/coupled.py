@@ -9,12 +9,9 @@ import numpy as np
 from harness.diagnosis import AutopsyRecord, autopsy
 from harness.estimators.base import Renderer
 from harness.estimators.tracer import Tracer
-from harness.gates.model import CurvePoint, Gate, GateResult
+from harness.gates.model import Gate, GateResult
 from harness.stats.agreement import AgreementVerdict, agreement_verdict
-from harness.stats.channels import Channel
-from harness.stats.contrasts import DARK_TILE
 from harness.stats.needed import times
-from harness.stats.paired import paired_verdict
 from harness.stats.tiles import TileSamples
 from harness.stats.verdicts import GRAVITY
 
@@ -84,14 +81,3 @@ def require_budget(gate: Gate, test: TileSamples, reference: TileSamples) -> Non
             f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small for its tolerance: a "
             f"sample that has not come yet may hide more; about {times(factor)} the samples would do, or wider "
             "tolerances")
-
-
-def point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) -> CurvePoint:
-    """The first samples of both sides, in pairs: see `CurvePoint`."""
-    error = low = high = float("nan")
-    if len(test.samples) > 1:
-        error, low, high = paired_verdict(test, reference, gate.tolerance, pass_level=gate.pass_level).luminance
-    ours, theirs = (side.means.mean(axis=0)[..., Channel.LUMINANCE] for side in (test, reference))
-    whole = theirs.mean()
-    off = (ours - theirs) / np.maximum(np.abs(theirs), DARK_TILE * abs(whole)) if whole else np.zeros_like(theirs)
-    return CurvePoint(samples, error, low, high, float(np.sqrt((off**2).mean())))

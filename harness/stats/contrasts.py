@@ -163,8 +163,8 @@ class PairedContrast(Contrast):
         own, of (e - d) M/n at the most. So (e - d)² = t² (V + (e - d) M/n) where e is just not rejected: Wilson's
         (1927) score interval, for jumps of several sizes. Where nothing was seen that gives t² M/n for the rule of
         three's -ln(α) M/n; the latter, `unseen`, is exact, and stands in its place: e - d = u/2 + √(t² V + u²/4). For
-        jumps of one size that is 0.2 to 0.8 of a jump wider than the exact interval of a Poisson mean (Garwood 1936).
-        Hall's correction knows no M and would be up to twice as wide.
+        jumps of one size that is within a tenth of a jump of the exact interval of a Poisson mean (Garwood 1936).
+        Hall's correction knows no M, and would be up to twice as wide.
         """
         error = self.excess(0.0).value / self.scale
         _, variance, _, dof = self.excess(error)

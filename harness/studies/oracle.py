@@ -123,10 +123,15 @@ def save_oracle(found: OracleFile, path: str | Path) -> None:
     json.save(Path(path), found)
 
 
-def load_oracle(path: str | Path | None = None) -> OracleFile:
-    """The file that `save_oracle` wrote, or the one that comes with the harness; StoreError where it is not one."""
-    return json.load(Path(path) if path else data_dir("reports") / FILE, lambda held: json.built(OracleFile, held),
+def load_oracle(path: str | Path) -> OracleFile:
+    """The file that `save_oracle` wrote; StoreError where it is not one."""
+    return json.load(Path(path), lambda held: json.built(OracleFile, held),
                      what="a comparison of the oracle with `path`", mend="run `harness oracle` again")
+
+
+def oracle_file() -> Path:
+    """The comparison that comes with the harness, which was made once."""
+    return data_dir("reports") / FILE
 
 
 def _runs(scene: SceneFile, strategy: str, seconds: float, store: Store | None) -> tuple[Run, Run]:
