@@ -25,8 +25,9 @@ def _point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) 
     whole: Contrast = (next(paired(test, reference)) if gate.paired
                        else IndependentContrast.of(test.whole().moments(), reference.whole().moments()))
     error = whole.excess(0.0).value / whole.scale
-    told = (float(values[0, 0, Channel.LUMINANCE]) for values in (error, *whole.interval(gate.pass_level)))
+    told, low, high = (float(values[0, 0, Channel.LUMINANCE])
+                       for values in (error, *whole.interval(gate.pass_level)))
     theirs = reference.moments()
     squares = (test.moments().mean - theirs.mean)**2 - (0.0 if gate.paired else theirs.variance)
     square = float((squares / tile_scale(theirs)**2)[..., Channel.LUMINANCE].mean())
-    return CurvePoint(samples, *told, float(np.sqrt(max(square, 0.0))))
+    return CurvePoint(samples, told, low, high, float(np.sqrt(max(square, 0.0))))

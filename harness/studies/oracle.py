@@ -116,7 +116,7 @@ def compared(scene: str, strategy: str, oracle: Run, path: Run, family: int) -> 
     height, width = oracle.estimate().mean.shape[:2]
     seconds = sum(run.estimate().cost.seconds for run in (oracle, path))
     return OracleRecord(scene, strategy, (width, height), (oracle.estimate().samples, path.estimate().samples),
-                        verdict.luminance, *map(_tiles, (verdict.mean, verdict.coarse, verdict.fine)), seconds,
+                        verdict.luminance, _tiles(verdict.mean), _tiles(verdict.coarse), _tiles(verdict.fine), seconds,
                         verdict.outcome != "fail")
 
 
