@@ -195,9 +195,9 @@ def _oracle_table(found: OracleFile) -> Table:
             for record in found.records]
     caption = (
         f"The oracle against path. Samples: per pixel, of images at most {side} pixels wide or high. Mean difference: "
-        "in luminance, relative, in parts in a million, with its 95 % interval. Deviate: of the mean, and the clearest of "
-        "all larger and of all smaller tiles, in standard errors; in brackets what chance exceeds in one of a hundred "
-        "such tables. Sure: the bias that the tile in which it is hardest to see was sure (95 %) to show.")
+        "in luminance, relative, in parts in a million, with its 95 % interval. Deviate: of the mean, and the clearest "
+        "of all larger and of all smaller tiles, in standard errors; in brackets what chance exceeds in one of a "
+        "hundred such tables. Sure: the bias that the tile in which it is hardest to see was sure (95 %) to show.")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Samples,\noracle", "right"),
                Column("path", "right"), Column("Mean difference\nin a million", "right"),
                Column("Deviate,\nmean", "right"), Column("larger\ntiles", "right"), Column("smaller\ntiles", "right"),
