@@ -183,7 +183,8 @@ def _oracle_remarks(found: OracleFile) -> tuple[Remark, ...]:
                        f"{formats.words(apart)}.", "fail"),)
     widest = max((abs(bound) for record in found.records for bound in record.error[1:]), default=0.0)
     return (Remark(f"In {scenes} nothing differs by more than chance explains, neither the image nor its larger and "
-                   f"its smaller tiles; each mean is within {formats.share(widest)} (95 % confidence).", "pass"),)
+                   f"its smaller tiles; each mean is within "
+                   f"{formats.significant(100 * widest, 2)}{formats.NBSP}% (95 % confidence).", "pass"),)
 
 
 def _oracle_table(found: OracleFile) -> Table:
@@ -191,7 +192,7 @@ def _oracle_table(found: OracleFile) -> Table:
     rows = [(Cell(record.scene), Cell(record.strategy), Cell(formats.count(record.spp[0])),
              Cell(formats.count(record.spp[1])), Cell(_millionths(*record.error)),
              *(Cell(_deviate(tiles)) for tiles in (record.mean, record.coarse, record.fine)),
-             *(Cell(formats.share(tiles.detectable)) for tiles in (record.coarse, record.fine)))
+             *(Cell(_sure(tiles)) for tiles in (record.coarse, record.fine)))
             for record in found.records]
     caption = (
         f"The oracle against path. Samples: per pixel, of images at most {side} pixels wide or high. Mean difference: "
@@ -207,6 +208,10 @@ def _oracle_table(found: OracleFile) -> Table:
 
 def _deviate(tiles: OracleTiles) -> str:
     return f"{formats.number(tiles.deviate, 1, sign=True)}{formats.NBSP}[{formats.number(tiles.critical, 1)}]"
+
+
+def _sure(tiles: OracleTiles) -> str:
+    return f"{formats.significant(100 * tiles.detectable, 2)}{formats.NBSP}%"
 
 
 def _autopsy_words() -> str:

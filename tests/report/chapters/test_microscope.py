@@ -92,7 +92,7 @@ def test_the_oracle_is_shown_with_its_date_and_what_it_could_not_have_missed() -
     assert row == ["spheres", "mixture", "4,096", "2,048", "+20.0 [−40.0, +80.0]", "+0.7 [3.5]", "−2.1 [4.3]",
                    "+3.0 [4.9]", "0.20 %", "1.5 %"]
     remark, = blocks(found, Remarks)[0].items
-    assert remark.mark == "pass" and "each mean is within 0.008 %" in remark.text.replace("\xa0", " ")
+    assert remark.mark == "pass" and "each mean is within 0.0080 %" in remark.text.replace("\xa0", " ")
     apart = dataclasses.replace(ORACLE, records=(dataclasses.replace(ORACLE.records[0], agrees=False),))
     found, = chapters(Inputs([exact_study()], "quick", oracle=apart))
     remark, = blocks(found, Remarks)[0].items
