@@ -22,7 +22,7 @@ from harness.errors import HarnessError, MachineError
 COMMANDS = {
     "doctor": "doctor", "render": "render", "reference": "render", "compare": "compare", "study": "study",
     "report": "report", "gallery": "gallery", "bench": "bench", "calibrate": "calibrate", "gate": "gate",
-    "mutants": "mutants", "autopsy": "autopsy",
+    "mutants": "mutants", "autopsy": "autopsy", "oracle": "oracle",
 }  # name of the command (and of its function) -> module under harness.cli
 
 EXIT_USAGE = 2
