@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULES = sorted((ROOT / "harness").rglob("*.py"))
@@ -60,10 +59,21 @@ def part(path: Path) -> str:
     return path.relative_to(ROOT / "harness").parts[0].removesuffix(".py")
 
 
-def imports(path: Path) -> Iterator[str]:
+@cache
+def parsed(path: Path) -> ast.Module:
+    """The syntax tree of a file, which several rules ask for."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def imports(path: Path) -> tuple[str, ...]:
     """Absolute names of everything imported anywhere in a file, with what `from` takes out of packages."""
+    return tuple(_imports(path))
+
+
+def _imports(path: Path) -> Iterator[str]:
     package = path.relative_to(ROOT).with_suffix("").parts[:-1]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -78,47 +88,63 @@ def harness_parts(path: Path) -> set[str]:
     return {name.split(".")[1] for name in imports(path) if name.startswith("harness.")}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
-class TestModule:
-    """Each module of the package."""
-
-    def test_has_a_place_on_a_floor(self, path: Path) -> None:
-        assert part(path) in FLOOR_OF, "give the new room a place in FLOORS"
-
-    def test_imports_from_below(self, path: Path) -> None:
-        mine = part(path)
-        higher = {name for name in harness_parts(path) if FLOOR_OF[name] > FLOOR_OF[mine]}
-        assert not higher, f"{mine} may not import {sorted(higher)}"
-        allowed = ONLY.get("bootstrap" if path.stem == "bootstrap" else mine)
-        assert allowed is None or harness_parts(path) <= allowed
-
-    def test_imports_a_package_only_where_it_is_at_home(self, path: Path) -> None:
-        packages = {name.split(".")[0] for name in imports(path)}
-        wrong = {name for name in packages & PACKAGES.keys() if part(path) not in PACKAGES[name]}
-        assert not wrong, f"{part(path)} may not import {sorted(wrong)}"
-
-    def test_opens_no_renderer_but_through_an_estimator(self, path: Path) -> None:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-        assert part(path) in OPENERS or not names & RENDERERS
-
-    def test_of_a_report_keeps_media_and_chapters_apart(self, path: Path) -> None:
-        inside = path.relative_to(ROOT / "harness").as_posix()
-        wrong = {name for folder, other in APART if inside.startswith(f"{folder}/")
-                 for name in imports(path) if name.startswith(other)}
-        assert not wrong, f"{inside} may not import {sorted(wrong)}"
-
-    def test_begins_with_a_line_that_says_what_it_is_for(self, path: Path) -> None:
-        docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
-        assert docstring and docstring.splitlines()[0].strip()
-
-    def test_is_short_enough_to_hold_in_the_head(self, path: Path) -> None:
-        assert len(path.read_text(encoding="utf-8").splitlines()) <= MAX_LINES
+def broken(rule: Callable[[Path], object], paths: Sequence[Path] = MODULES) -> dict[str, object]:
+    """What a rule says of each file that breaks it. One test a rule: pytest takes longer for a test than a rule for a
+    file."""
+    return {path.relative_to(ROOT).as_posix(): wrong for path in paths if (wrong := rule(path))}
 
 
-@pytest.mark.parametrize("path", TESTS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_no_test_skips(path: Path) -> None:
+class TestModules:
+    """The modules of the package."""
+
+    def test_have_a_place_on_a_floor(self) -> None:
+        assert not broken(lambda path: part(path) not in FLOOR_OF), "give a new room a place in FLOORS"
+
+    def test_import_from_below(self) -> None:
+        def higher(path: Path) -> set[str]:
+            mine, parts = part(path), harness_parts(path)
+            allowed = ONLY.get("bootstrap" if path.stem == "bootstrap" else mine, parts)
+            return {name for name in parts if FLOOR_OF[name] > FLOOR_OF[mine]} | parts - allowed
+
+        assert not broken(higher), "what these import stands above them"
+
+    def test_import_a_package_only_where_it_is_at_home(self) -> None:
+        def abroad(path: Path) -> set[str]:
+            packages = {name.split(".")[0] for name in imports(path)}
+            return {name for name in packages & PACKAGES.keys() if part(path) not in PACKAGES[name]}
+
+        assert not broken(abroad)
+
+    def test_open_no_renderer_but_through_an_estimator(self) -> None:
+        def opened(path: Path) -> set[str]:
+            if part(path) in OPENERS:
+                return set()
+            return {node.id for node in ast.walk(parsed(path)) if isinstance(node, ast.Name)} & RENDERERS
+
+        assert not broken(opened)
+
+    def test_of_a_report_keep_media_and_chapters_apart(self) -> None:
+        def mixed(path: Path) -> set[str]:
+            inside = path.relative_to(ROOT / "harness").as_posix()
+            return {name for folder, other in APART if inside.startswith(f"{folder}/")
+                    for name in imports(path) if name.startswith(other)}
+
+        assert not broken(mixed)
+
+    def test_begin_with_a_line_that_says_what_they_are_for(self) -> None:
+        assert not broken(lambda path: not (ast.get_docstring(parsed(path)) or "").strip())
+
+    def test_are_short_enough_to_hold_in_the_head(self) -> None:
+        def lines(path: Path) -> int:
+            return len(path.read_text(encoding="utf-8").splitlines())
+
+        assert not broken(lambda path: max(0, lines(path) - MAX_LINES)), "so many lines too many"
+
+
+def test_no_test_skips() -> None:
     """A machine that lacks GL or LLVM fails: a skipped comparison looks like one that passed."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    names = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
-    assert not names & {"skip", "skipif", "importorskip", "xfail"}
+    def skips(path: Path) -> set[str]:
+        names = {node.attr for node in ast.walk(parsed(path)) if isinstance(node, ast.Attribute)}
+        return names & {"skip", "skipif", "importorskip", "xfail"}
+
+    assert not broken(skips, TESTS)

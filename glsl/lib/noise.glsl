@@ -68,7 +68,7 @@ vec4 cell_noise_gradient(vec3 p, uint seed)
 
 // Fractal noise, Σ gain^i noise(lacunarity^i p) / Σ gain^i over i < octaves, each octave with a seed of its own; within
 // [0, 1]. The definition; scenes have their octaves written out, since of more than about 5 Mesa keeps the loop, and its
-// iterations count among the 65,535 that llvmpipe allows (see MAX_ITERATIONS in harness/gpu/renderer.py).
+// iterations count among the 65,535 that llvmpipe of Mesa 22 allows (see harness/gpu/device.py).
 float fbm(vec3 p, int octaves, float lacunarity, float gain, uint seed)
 {
     float sum = 0.0, weights = 0.0, weight = 1.0;

@@ -12,7 +12,6 @@ import numpy as np
 
 from harness.gates import Gate, GatesFile, References
 from harness.gates.budget import too_small
-from harness.gates.coupled import agreed
 from harness.gates.runner import check_gate, opened
 from harness.progress import Progress, quiet
 from harness.samples.store import Store
@@ -101,8 +100,6 @@ def gather(gates: Sequence[Gate], store: Store | None = None, progress: Progress
             drawn = min(BUDGETS * gate.replicas, MAX_BATCHES)
             theirs.grow(drawn if gate.paired else gate.replicas)
             with opened(gate) as renderer:
-                if gate.paired:
-                    gate, _ = agreed(gate, renderer, theirs.renderer)
                 ours = Run(renderer, gate.spp)
                 ours.grow(drawn)
             estimate = ours.estimate()
@@ -176,9 +173,9 @@ class Simulation:
         """Those of a coupled gate: both sides draw the same replicas."""
         plan, reference = self.bank.paired, self.bank.reference
         assert plan is not None
-        largest = largest_by_size(test, reference, plan.largest)
+        largest = largest_by_size(test, reference)
         chosen = self._ours[runs, :self.bank.gate.looks[look]]
-        for contrasts in resampled_pairs(test, reference, chosen, largest):
+        for contrasts in resampled_pairs(test, reference, chosen, largest, plan.pass_level):
             outcome = plan.outcome_of(look, contrasts)
             refused = outcome == "inconclusive" and look == 0 and plan.too_small_of(look, contrasts) is not None
             yield "refused" if refused else outcome

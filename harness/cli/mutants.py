@@ -41,7 +41,8 @@ def mutants(
     """Seed one-line bugs into the shader and show which gates notice them.
 
     Prints the kill matrix: X killed, o survived, · the gate's pixels do not change, blank not run. Exit status 1 when
-    a mutant survives all gates; 2 when one does not apply or does not compile. With --autopsy: what each autopsy names,
+    a mutant survives all gates; 2 when one does not apply or does not compile. What was judged is kept, so that an
+    interrupted run goes on where it was. With --autopsy: what each autopsy names,
     kept beside the matrix; exit status 1 when it names the right function of fewer than 95 % of those that a bundled
     scene shows, or accuses a shader that is right.
 

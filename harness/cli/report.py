@@ -51,6 +51,7 @@ def report(
     from harness.mutants import autopsy, matrix
     from harness.report import Inputs, build_report
     from harness.studies.memo import remembered_study
+    from harness.studies.oracle import load_oracle, oracle_file
     from harness.studies.plan import PROFILES, judged
 
     began = time.perf_counter()
@@ -84,7 +85,8 @@ def report(
                     bench=_left(output / BENCH_FILE, bench.load, []),
                     calibration=_left(output / CALIBRATION_FILE, calibration.load, None),
                     mutants=_left(output / MUTANTS_FILE, matrix.load, None),
-                    autopsies=_left(output / AUTOPSY_FILE, autopsy.load, None))
+                    autopsies=_left(output / AUTOPSY_FILE, autopsy.load, None),
+                    oracle=_left(oracle_file(), load_oracle, None))
     pdf = build_report(inputs, output)
     items = {f"{result.scene} {item.strategy}": item
              for result in results for item in result.strategies if item.suits}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -10,13 +10,15 @@ import numpy as np
 
 from harness.diagnosis import paths, vertices
 from harness.diagnosis.case import Case, own_parts
+from harness.diagnosis.distribution import Distribution
 from harness.diagnosis.record import AutopsyRecord
 from harness.diagnosis.report import report
-from harness.diagnosis.scatter import Scatter
+from harness.diagnosis.seen import Seen
 from harness.diagnosis.shown import ask_display
-from harness.diagnosis.tally import Tally, Witness
+from harness.diagnosis.tally import Answers, Tally, Witness
+from harness.diagnosis.vertex import begin
 from harness.errors import HarnessError
-from harness.gpu.tap import Look, Observed, Tap
+from harness.gpu.tap import Look, Tap
 from harness.progress import Progress, quiet
 from harness.reference.coupled_steps import CoupledSteps
 from harness.scene import SceneFile, load
@@ -28,11 +30,14 @@ REPLICA, FIRST = 3, 5
 # Moments of the shutter's interval that the looks take in turn, in [0, 1).
 MOMENTS = (0.3, 0.85, 0.6, 0.05)
 SAMPLES = 2
+# The look that is asked about again, when it is settled what of a library is its author's own.
+KEPT = 0
 # By which questions a part shows that it behaves otherwise than ours, and the share of answers that must then differ:
 # of a sampler with a defect few do, unless it is another one altogether; of a loop of one's own all may follow ours but
 # on the few paths where it takes a number more, or where a ray starts.
 OTHERWISE = {"generator": (("seed", "numbers"), 0.5),
              "sampler": (("draws", "direction", "frame", "azimuth", "lobe"), 0.05),
+             "density": (("weight",), 0.05),
              "loop": (("numbers", "draws", "offset", "origin", "goes on"), 1e-3)}
 
 
@@ -52,7 +57,7 @@ def looks(case: Case, samples: int) -> Iterator[Look]:
 
 
 def examine(case: Case, samples: int, progress: Progress = quiet, witness: Witness | None = None,
-            scatter: Scatter | None = None) -> Tally:
+            scatter: Distribution | None = None) -> Tally:
     """All questions about `samples` paths of each pixel; of the look of `witness` alone, if one is given. `scatter` is
     told of every vertex."""
     scene = case.scene
@@ -61,34 +66,36 @@ def examine(case: Case, samples: int, progress: Progress = quiet, witness: Witne
         for number, look in enumerate(looks(case, samples)):
             if witness is None or number == witness.look:
                 tally.begin(number)
-                _examine(case, look, tally, scatter)
-                if number == 0:
-                    ask_display(case, tally)
+                _examine(case, number, look, tally, scatter)
             advance(1)
     return tally
 
 
-def _examine(case: Case, look: Look, tally: Tally, scatter: Scatter | None) -> None:
+def _examine(case: Case, number: int, look: Look, tally: Tally, scatter: Distribution | None) -> None:
     scene = case.scene
     opens, closes = scene.camera.shutter
     if look.moment is not None:
         case.steps.move(opens + (closes - opens) * float(np.float32(look.moment)))
-    seen = case.tap.observe(look)
+    seen = case.kept.get(number) or Seen(look, case.tap.observe(look))
+    if number == KEPT:
+        case.kept[number] = seen
     with np.errstate(all="ignore"):  # a shader under examination may compute anything
-        _ask(case, look, seen, tally, scatter)
+        _ask(case, seen, tally, scatter)
+        if number == 0:
+            ask_display(case, seen, tally)
 
 
-def _ask(case: Case, look: Look, seen: Observed, tally: Tally, scatter: Scatter | None) -> None:
-    scene = case.scene
+def _ask(case: Case, seen: Seen, tally: Tally, scatter: Distribution | None) -> None:
+    scene, look = case.scene, seen.look
     alone = np.zeros((scene.width * scene.height, 4))
     if look.tapped:
         alone = case.tap.observe(replace(look, samples=1, tapped=0, number=0)).accumulated.astype(np.float64)
-    along = vertices.begin(paths.ask_beginning(case, look, seen, tally))
+    along = begin(paths.ask_beginning(case, seen, tally), case.before_scattering)
     for vertex in range(scene.max_depth):
         vertices.ask_vertex(case, seen, vertex, along, tally)
         if scatter is not None:
             scatter.add(case, seen, vertex)
-    paths.ask_end(case, look, seen, alone, along.radiance.astype(np.float64), tally)
+    paths.ask_end(case, seen, alone, along.radiance.astype(np.float64), tally)
 
 
 @contextmanager
@@ -119,26 +126,30 @@ def settled(case: Case) -> Case:
     """The case whose parts are the author's own only where they also behave otherwise than ours.
 
     A file of one's own is most often ours with a line changed. Where it draws the numbers and directions that ours
-    draws, it means to be ours, and every question is asked.
+    draws, it means to be ours, and every question is asked. Numbers are settled first: what is made of them is compared
+    whichever they are. The look by which all this is settled is observed once.
     """
-    if not case.own:
-        return case
-    answers = examine(replace(case, own=frozenset()), 1).answers
+    own = frozenset[str]()
+    for parts in (("generator",), ("sampler", "loop"), ("density",)):
+        asked = [part for part in parts if part in case.own or (part == "density" and "sampler" in own)]
+        if asked:
+            answers = examine(replace(case, own=own), 1).answers
+            own |= {part for part in asked if _behaves_otherwise(part, answers)}
+    return replace(case, own=own)
 
-    def behaves(part: str) -> bool:
-        names, share = OTHERWISE[part]
-        return any(answers[name].differs > share * answers[name].asked for name in names)
 
-    return replace(case, own=frozenset(part for part in case.own if behaves(part)))
+def _behaves_otherwise(part: str, answers: Mapping[str, Answers]) -> bool:
+    names, share = OTHERWISE[part]
+    return any(answers[name].differs > share * answers[name].asked for name in names)
 
 
 def diagnose(case: Case, samples: int = SAMPLES, progress: Progress = quiet) -> AutopsyRecord:
     """The autopsy of a case that is open."""
-    scatter = Scatter() if "sampler" in case.own else None
+    scatter = Distribution() if "sampler" in case.own else None
     tally = examine(case, samples, progress, scatter=scatter)
     if not any(tally.answers[name].asked for name in ("hit", "index")):
         raise HarnessError(f"{case.tap.source.files[0][0]}: it calls none of the library's functions (seed_sample, "
                            "intersect_scene, sample_phong, …), so there is nothing to tap; `harness compare` judges "
                            "its images")
-    return report(case, samples, tally, scatter.record() if scatter else None,
+    return report(case, samples, tally, scatter,
                   lambda witness: examine(case, samples, witness=witness))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from harness.diagnosis.seen import Seen
 from harness.gpu.tap import Tap
 from harness.reference.coupled_steps import CoupledSteps
 from harness.scene import Scene
@@ -25,7 +26,9 @@ OWN = {
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """`steps`: Mitsuba's of the same scene. `own`: which of OWN the library brings in files or functions of its own."""
+    """`steps`: Mitsuba's of the same scene. `own`: which of OWN the library brings in files or functions of its own,
+    and "density" where its sampler also has another density than the strategy's. `kept`: looks that are asked about
+    more than once, by number."""
 
     scene: Scene
     strategy: str
@@ -33,6 +36,7 @@ class Case:
     tap: Tap
     steps: CoupledSteps
     own: frozenset[str]
+    kept: dict[int, Seen] = field(default_factory=dict)
 
     @property
     def functions(self) -> dict[str, Function]:
@@ -70,13 +74,23 @@ class Case:
         return self.strategy in ("lobes", "mixture") and self.has_glossy
 
     @property
-    def plain_cosine(self) -> bool:
-        """Whether directions are drawn by the cosine alone."""
-        return self.strategy == "cosine" or (not self.has_glossy and self.strategy in ("lobes", "mixture"))
+    def numbers_of_scattering(self) -> int:
+        """Numbers that a path takes at each vertex where it scatters."""
+        return 2 + self.chooses
+
+    @property
+    def drawn(self) -> str:
+        """The strategy; where it chooses between terms and there is only one, "cosine"."""
+        return "cosine" if not self.has_glossy and self.strategy in ("lobes", "mixture") else self.strategy
 
     def of_kind(self, *kinds: str) -> np.ndarray:
         """Of each shape, and of none (the last entry, index -1), whether it is of one of these kinds."""
         return np.array([shape.kind in kinds for shape in self.scene.shapes] + [False])
+
+    def radii(self) -> np.ndarray:
+        """Of each shape, and of none, its radius where it is a sphere, else 0."""
+        return np.array([float(np.linalg.norm(shape.matrix[:3, :3], axis=0).max()) if "sphere" in shape.kind else 0.0
+                         for shape in self.scene.shapes] + [0.0])
 
     def has_coordinates(self) -> np.ndarray:
         """Of each shape, and of none, whether a texture looks at its (u, v)."""

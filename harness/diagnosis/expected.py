@@ -89,5 +89,48 @@ def glossy_share(kd: np.ndarray, ks: np.ndarray) -> np.ndarray:
     return np.where(both > 0, glossy / np.where(both > 0, both, 1), 0.0)
 
 
+def brdf(kd: np.ndarray, ks: np.ndarray, lobe: np.ndarray) -> np.ndarray:
+    """The course's BRDF, (N, 3), of directions with this density of the lobe."""
+    return kd / np.pi + ks * lobe[:, None]
+
+
+def weight(drawn: str, value: np.ndarray, kd: np.ndarray, ks: np.ndarray, share: np.ndarray, cosine: np.ndarray,
+           lobe: np.ndarray, glossy: np.ndarray) -> np.ndarray:
+    """f cos / pdf of directions, (N, 3), zero below the surface.
+
+    `drawn`: the strategy; `value`: f cos; `share` of the lobe; `cosine` to the normal; `lobe`: the lobe's density;
+    `glossy`: by which term `lobes` drew them.
+    """
+    diffuse = np.maximum(cosine, 0) / np.pi
+    if drawn == "lobes":
+        # Each term against its own density, of which only the share is left: in a lobe's tail both are tiny.
+        whole = np.where(glossy[:, None], ks * (cosine / share)[:, None], kd / (1 - share)[:, None])
+    else:
+        density = {"uniform": 0.5 / np.pi, "cosine": diffuse, "phong": lobe,
+                   "mixture": (1 - share) * diffuse + share * lobe}[drawn]
+        whole = value / np.broadcast_to(density, len(cosine))[:, None]
+    return np.where(np.isfinite(whole) & (cosine > 0)[:, None], whole, 0.0)
+
+
+def scattered(drawn: str, normal: np.ndarray, mirror: np.ndarray, share: np.ndarray, alpha: np.ndarray,
+              numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (N, 3) that a strategy draws by numbers (N, 3), and by which term, (N,)."""
+    glossy = {"lobes": numbers[:, 0] < share, "mixture": numbers[:, 0] < share}.get(
+        drawn, np.full(len(normal), drawn == "phong"))
+    axis = np.where(glossy[:, None], mirror, normal)
+    sampler = np.full(len(normal), {"uniform": 1, "cosine": 2}.get(drawn, 3))
+    cosine = polar_cosine(sampler, np.where(glossy, alpha, 1.0), numbers[:, 1])
+    tangent, bitangent = frame(axis)
+    return about(axis, tangent, bitangent, cosine, numbers[:, 2]), glossy
+
+
+def about(axis: np.ndarray, tangent: np.ndarray, bitangent: np.ndarray, cosine: np.ndarray,
+          u: np.ndarray) -> np.ndarray:
+    """Directions (N, 3) at a polar cosine and the azimuth 2π u in a basis."""
+    phi, sine = 2 * np.pi * u[:, None], np.sqrt(np.maximum(0, 1 - cosine**2))[:, None]
+    turned: np.ndarray = np.cos(phi) * tangent + np.sin(phi) * bitangent
+    return sine * turned + cosine[:, None] * axis
+
+
 def _wrap(value: np.ndarray) -> np.ndarray:
     return (value & np.uint64(0xFFFFFFFF)).astype(np.uint32)

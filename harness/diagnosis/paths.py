@@ -6,8 +6,8 @@ import numpy as np
 
 from harness.diagnosis import expected
 from harness.diagnosis.case import Case
+from harness.diagnosis.seen import Seen
 from harness.diagnosis.tally import Tally
-from harness.gpu.tap import Look, Observed
 from harness.scene.motion import moving, screw
 
 # Where moving shapes are looked at: to_rest and from_rest of this point.
@@ -17,11 +17,11 @@ POINT = (0.7, -0.4, 1.1)
 FILM_ERRORS = 5.0
 
 
-def ask_beginning(case: Case, look: Look, seen: Observed, tally: Tally) -> np.ndarray:
+def ask_beginning(case: Case, seen: Seen, tally: Tally) -> np.ndarray:
     """The questions before the first vertex. Returns the generator's state there, uint32 (N,)."""
-    paths = seen.paths
-    lanes = np.arange(len(seen.accumulated))
-    _ask_pass(case, look, seen, tally, lanes)
+    paths, look = seen.paths, seen.look
+    lanes = np.arange(len(seen.observed.accumulated))
+    _ask_pass(case, seen, tally, lanes)
     pixel = _pixels(case)
     begun = lanes[paths["gaze"][:, 3] > 0]
     state = expected.uint32(paths["seed"][:, 2:])
@@ -37,21 +37,23 @@ def ask_beginning(case: Case, look: Look, seen: Observed, tally: Tally) -> np.nd
         return state
     _ask_film(case, paths["film"], pixel, state, tally, begun)
     if case.moves:
-        _ask_time(case, look, paths["time"], state, tally, begun)
-        _ask_pose(case, look, tally, begun)
-    rays = case.steps.camera(paths["film"][begun, :2], paths["film"][begun, 2:])
+        _ask_time(case, paths["time"], state, tally, begun)
+        _ask_pose(case, seen, tally, begun)
+    rays = seen.once("camera", lambda: case.steps.camera(paths["film"][begun, :2], paths["film"][begun, 2:]))
     eye, gaze = paths["eye"][begun], paths["gaze"][begun, :3]
     reach = np.abs(eye[:, 3] - rays.reach) / rays.reach
-    apart = np.abs(eye[:, :3] - rays.origin).max(axis=1) / (1 + np.abs(rays.origin).max(axis=1))
+    # The near plane of a distant camera may be moved up to the scene: its place is rounded as the camera's own is.
+    far = np.abs(case.scene.camera.matrix[:3, 3]).max()
+    apart = np.abs(eye[:, :3] - rays.origin).max(axis=1) / (1 + np.maximum(np.abs(rays.origin).max(axis=1), far))
     tally.ask("camera", np.c_[eye, gaze], np.c_[rays.origin, rays.reach, rays.direction], begun,
               difference=np.maximum.reduce([np.abs(gaze - rays.direction).max(axis=1), apart, 0.2 * reach]))
     return expected.advance(state, case.before_scattering)
 
 
-def ask_end(case: Case, look: Look, seen: Observed, before: np.ndarray, gathered: np.ndarray, tally: Tally) -> None:
+def ask_end(case: Case, seen: Seen, before: np.ndarray, gathered: np.ndarray, tally: Tally) -> None:
     """The questions about the sum. `before`: what the pass's samples before the tapped one leave by themselves, (N, 4);
     `gathered`: light times weights of the tapped path, (N, 3)."""
-    paths = seen.paths
+    paths, look = seen.paths, seen.look
     lanes = np.arange(len(gathered))
     given, returned = paths["given"].astype(np.float64), paths["returned"].astype(np.float64)
     finite = np.isfinite(gathered).all(axis=1) & (before[:, 3] == look.tapped)
@@ -68,13 +70,14 @@ def ask_end(case: Case, look: Look, seen: Observed, before: np.ndarray, gathered
               lanes[known])
 
 
-def _ask_pass(case: Case, look: Look, seen: Observed, tally: Tally, lanes: np.ndarray) -> None:
+def _ask_pass(case: Case, seen: Seen, tally: Tally, lanes: np.ndarray) -> None:
     """The sum that is handed on must be the previous pass's, or nothing; the samples those that were asked for."""
+    look = seen.look
     given = look.previous.reshape(-1, 4) if look.number else np.zeros((len(lanes), 4))
     asked = seen.paths["asked"]
     first = expected.uint32(asked[:, :2]).astype(np.float64)
     size = np.array([case.scene.width, case.scene.height])
-    mine = np.c_[first, asked[:, 2:], seen.paths["given"], seen.paths["pixel"], seen.accumulated]
+    mine = np.c_[first, asked[:, 2:], seen.paths["given"], seen.paths["pixel"], seen.observed.accumulated]
     theirs = np.c_[np.full(len(lanes), look.first), np.full(len(lanes), look.replica),
                    np.full(len(lanes), look.samples), given, _pixels(case), np.tile(size, (len(lanes), 1)),
                    seen.paths["returned"]]
@@ -102,7 +105,7 @@ def _ask_film(case: Case, film: np.ndarray, pixel: np.ndarray, state: np.ndarray
     tally.ask("film", film[lanes], np.c_[points, lens][lanes], lanes)
 
 
-def _ask_time(case: Case, look: Look, times: np.ndarray, state: np.ndarray, tally: Tally, lanes: np.ndarray) -> None:
+def _ask_time(case: Case, times: np.ndarray, state: np.ndarray, tally: Tally, lanes: np.ndarray) -> None:
     opens, closes = case.scene.camera.shutter
     if not case.own & {"generator", "loop"}:
         number = expected.number(expected.advance(state, case.before_scattering - 1))
@@ -113,19 +116,20 @@ def _ask_time(case: Case, look: Look, times: np.ndarray, state: np.ndarray, tall
     tally.ask("moment", times[lanes, 1], moment, lanes, slack=max(abs(opens), abs(closes)))
 
 
-def _ask_pose(case: Case, look: Look, tally: Tally, lanes: np.ndarray) -> None:
+def _ask_pose(case: Case, seen: Seen, tally: Tally, lanes: np.ndarray) -> None:
     """All paths of the look see one moment, so any of them tells where the shapes are."""
     opens, closes = case.scene.camera.shutter
+    look = seen.look
     assert look.moment is not None
     for shape in moving(case.scene):
         motion = case.scene.shapes[shape].motion
         assert motion is not None
         pose = screw(motion).pose(opens + (closes - opens) * float(np.float32(look.moment)))
-        seen = case.tap.observe(look, shape, POINT)
+        posed = seen.once(("pose", shape), lambda shape=shape: case.tap.observe(look, shape, POINT).paths)  # type: ignore[misc]
         turn, shift = pose[:3, :3], pose[:3, 3]
         rest, turned = (np.array(POINT) - shift) @ turn, turn @ np.array(POINT)
         for word, mine, theirs in (("to_rest", "pose", rest), ("from_rest", "pose_normal", turned)):
-            found = seen.paths[mine][lanes, :3]
+            found = posed[mine][lanes, :3]
             tally.ask("pose", found, np.tile(theirs, (len(lanes), 1)), lanes,
                       slack=1 + float(np.abs(np.r_[POINT, shift]).max()), shapes=np.full(len(lanes), shape),
                       notes=[(word, np.ones(len(lanes), dtype=bool))])

@@ -20,6 +20,7 @@ _NORMALS = {"sphere": "sphere_normal", "cube": "cube_face", "cylinder": "cylinde
             "displacedsphere": "step_march"}
 _ANGLES = ("turns", "whole_turns")
 _NOISE = ("lattice_values", "cell_values", "value_noise")
+_DISPLACING = (*_NOISE, "cell_noise_gradient", "wave", "marble", "wood")
 
 
 def places(case: Case, name: str, answers: Answers) -> tuple[Place, ...]:
@@ -64,8 +65,10 @@ def _met(case: Case, answers: Answers) -> list[str]:
     kind = _kind(case, answers)
     if kind != "displacedsphere":
         return [*(_meets(case, shape) for shape in _shapes(answers) if shape >= 0), "intersect_shapes"]
+    # The march asks the texture how high the surface is, and how steep.
+    wrong = wrong_texture_parts(case.library, _DISPLACING)
     first = answers.notes["entered wrongly"] > 0.9 * answers.first
-    return ["approach", "step_march"] if first else ["step_march", "approach"]
+    return [*wrong, *(("approach", "step_march") if first else ("step_march", "approach"))]
 
 
 def _meets(case: Case, shape: int) -> str:
@@ -88,7 +91,7 @@ def _normal(case: Case, answers: Answers) -> list[str]:
     kind = _kind(case, answers)
     wrong: list[str] = []
     if kind == "displacedsphere":
-        wrong = wrong_texture_parts(case.library, (*_NOISE, "cell_noise_gradient", "wave", "marble", "wood"))
+        wrong = wrong_texture_parts(case.library, _DISPLACING)
     return [*wrong, *([_NORMALS[kind]] if kind in _NORMALS else []), "surface_normal"]
 
 

@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from harness.diagnosis.case import Case
+from harness.diagnosis.distribution import Distribution
 from harness.diagnosis.place import places
 from harness.diagnosis.questions import QUESTIONS
-from harness.diagnosis.record import AutopsyRecord, Row, ScatterRecord, ShiftRecord, StageRecord, Where
+from harness.diagnosis.record import AutopsyRecord, Row, ShiftRecord, StageRecord, Where
 from harness.diagnosis.tally import Answers, Shift, Tally, Witness
 
 # Cells of the map of shares, along each side of the image.
@@ -17,14 +18,16 @@ MAP_CELLS = (16, 12)
 _NOTES = {
     "generator": "random numbers: the library has a generator of its own, so streams, seeds and numbers were not "
                  "compared with ours; of the film's points it was asked whether they lie evenly in their pixels",
-    "sampler": "directions: the library has a sampler of its own, so lobes, azimuths, directions and weights were not "
-               "compared one by one; what it scatters was compared with Mitsuba's own sampling, which is statistical",
+    "sampler": "directions: the library has a sampler of its own, so lobes, azimuths and directions were not compared "
+               "one by one, but how often it draws which, which is statistical",
+    "density": "weights: its sampler has another density than the strategy's, so weights were not compared one by one; "
+               "the light that it scatters was compared with Mitsuba's own sampling",
     "loop": "the loop: the library has one of its own (it may end paths by chance), so the order of numbers, where "
             "rays start, whether a path goes on and the sum of its light were not compared",
 }
 
 
-def report(case: Case, samples: int, tally: Tally, scatter: ScatterRecord | None,
+def report(case: Case, samples: int, tally: Tally, scatter: Distribution | None,
            again: Callable[[Witness], Tally]) -> AutopsyRecord:
     """The record; `again` examines a look once more, keeping the numbers of one path."""
     name, shift = tally.accused(), None
@@ -33,8 +36,11 @@ def report(case: Case, samples: int, tally: Tally, scatter: ScatterRecord | None
     answers = tally.answers[name] if name else Answers()
     if shift is not None:
         answers = _of_shift(name, answers, shift)
-    if name is None and scatter is not None and scatter.fails:
-        name = "weight"
+    tested = scatter.record() if scatter is not None else None
+    if name is None and scatter is not None and tested is not None and tested.fails:
+        # Right weights of directions that come too often or too seldom, or else their product.
+        name = "weight" if "density" in case.own else "direction"
+        answers = Answers(notes=scatter.samplers)
     rows: tuple[Row, ...] = ()
     if answers.witness is not None:
         rows = tuple(Row(stage, vertex, tuple(mine), tuple(theirs), differs)
@@ -46,7 +52,7 @@ def report(case: Case, samples: int, tally: Tally, scatter: ScatterRecord | None
         vertices=dict(sorted(answers.vertices.items())), where=_where(case, answers, samples),
         shift=_named(case, shift), stages=tuple(_stage(each, tally.answers[each]) for each in QUESTIONS
                                                 if tally.answers[each].asked),
-        path=rows, scatter=scatter, notes=tuple(_NOTES[part] for part in sorted(case.own)))
+        path=rows, scatter=tested, notes=tuple(_NOTES[part] for part in sorted(case.own)))
 
 
 def _of_shift(name: str | None, answers: Answers, shift: Shift) -> Answers:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from harness.diagnosis.case import Case
+from harness.diagnosis.seen import Seen
 from harness.diagnosis.tally import Tally
 from harness.gpu.display import display
 from harness.samples.tone import encode_srgb
@@ -13,7 +16,7 @@ from harness.samples.tone import encode_srgb
 COUNTS, EXPOSURES = (1e6, 3.0), (0.0, 1.0)
 
 
-def ask_display(case: Case, tally: Tally) -> None:
+def ask_display(case: Case, seen: Seen, tally: Tally) -> None:
     """A ramp from black to white, once for each number of samples and exposure."""
     pixels = case.scene.width * case.scene.height
     ramp = np.linspace(0, 1, pixels).reshape(case.scene.height, case.scene.width)
@@ -22,7 +25,8 @@ def ask_display(case: Case, tally: Tally) -> None:
         for exposure in EXPOSURES:
             sums = np.concatenate([np.repeat(ramp[..., None] * samples, 3, axis=2),
                                    np.full((*ramp.shape, 1), samples)], axis=2)
-            shown = display(sums, exposure, case.library).reshape(pixels, 3).astype(np.float64)
+            shown = seen.once(("display", samples, exposure), partial(display, sums, exposure, case.library))
+            shown = shown.reshape(pixels, 3).astype(np.float64)
             linear = np.repeat(np.clip(ramp.reshape(-1, 1) * 2**exposure, 0, 1), 3, axis=1)
             wanted = 255 * encode_srgb(linear)
             # The encoding is to blame where nothing but it is asked for, unless it is right and was done twice.

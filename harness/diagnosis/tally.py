@@ -42,11 +42,13 @@ class Shift:
 @dataclass
 class Answers:
     """The answers to one question. `first`: of how many paths it is the first that differs; `shapes` and `notes`: of
-    those, by the shape, and by what the question noted; `vertices`: by the vertex; `map`: by pixel, (N,)."""
+    those, by the shape, and by what the question noted; `certain`: of those, what no rounding explains; `vertices`: by
+    the vertex; `map`: by pixel, (N,)."""
 
     asked: int = 0
     differs: int = 0
     first: int = 0
+    certain: int = 0
     largest: float = 0.0
     shapes: Counter[int] = field(default_factory=Counter)
     notes: Counter[str] = field(default_factory=Counter)
@@ -76,19 +78,18 @@ class Tally:
 
     def ask(self, name: str, mine: np.ndarray, theirs: np.ndarray, lanes: np.ndarray, *, vertex: int = 0,
             difference: np.ndarray | None = None, slack: np.ndarray | float = 1.0, shapes: np.ndarray | None = None,
-            notes: Sequence[tuple[str, np.ndarray]] = (), tolerance: float | None = None) -> None:
+            notes: Sequence[tuple[str, np.ndarray]] = (), certain: np.ndarray | None = None) -> None:
         """Compare what the shader has, `mine`, with what it should be, `theirs`, on the paths `lanes` (M,).
 
         Both (M,) or (M, k). `difference` (M,) in the question's measure, the largest of the components if not given;
         `slack`: so many times the tolerance is allowed. `shapes` (M,): what the answers are about. `notes`: words, each
-        with the answers (M,) that it holds for.
+        with the answers (M,) that it holds for. `certain` (M,): differences that rounding is known not to explain.
         """
         if difference is None:
             difference = np.abs(np.asarray(mine, dtype=np.float64) - theirs)
             difference = difference.max(axis=1) if difference.ndim == 2 else difference
         difference = np.where(np.isfinite(difference), difference, np.inf)
-        allowed = QUESTIONS[name].tolerance if tolerance is None else tolerance
-        wrong = difference > allowed * np.asarray(slack)
+        wrong = difference > QUESTIONS[name].tolerance * np.asarray(slack)
         self._row(name, mine, theirs, lanes, vertex, wrong)
         answers = self.answers[name]
         answers.asked += len(lanes)
@@ -98,6 +99,8 @@ class Tally:
             return
         self._undecided[lanes[fresh]] = False
         answers.first += int(fresh.sum())
+        if certain is not None:
+            answers.certain += int((fresh & certain).sum())
         answers.vertices[vertex] += int(fresh.sum())
         if answers.map is None:
             answers.map = np.zeros(self._pixels)
@@ -120,8 +123,9 @@ class Tally:
             self.answers[name].signed.append((shapes[known], (mine[known] - theirs[known]) / theirs[known]))
 
     def accused(self) -> str | None:
-        """The first question at which more paths begin to differ than rounding makes."""
-        guilty = [name for name, answers in self.answers.items() if answers.first > _allowed(answers.asked)]
+        """The first question at which more paths begin to differ than rounding makes, or one that it cannot explain."""
+        guilty = [name for name, answers in self.answers.items()
+                  if answers.first > _allowed(answers.asked) or answers.certain]
         return min(guilty, key=ORDER.__getitem__) if guilty else None
 
     def shifted(self, exponents: np.ndarray) -> tuple[str, Shift] | None:

@@ -94,7 +94,7 @@ def _number(value: float) -> str:
 def _scatter(found: AutopsyRecord) -> Iterator[str]:
     if found.scatter is not None:
         tested = found.scatter
-        yield (f"scattering of {tested.vertices} vertices against Mitsuba's own: {tested.difference:+.2e} +- "
+        yield (f"scattering at {tested.vertices} vertices against what it should be: {tested.difference:+.2e} +- "
                f"{tested.error:.1e} of the whole, {tested.largest:.1f} standard errors in the worst cell: "
                f"{'DIFFERS' if tested.fails else 'no difference found'}")
 

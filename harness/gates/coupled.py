@@ -9,13 +9,9 @@ import numpy as np
 from harness.diagnosis import AutopsyRecord, autopsy
 from harness.estimators.base import Renderer
 from harness.estimators.tracer import Tracer
-from harness.gates.model import CurvePoint, Gate, GateResult
-from harness.samples.estimate import with_luminance
+from harness.gates.model import Gate, GateResult
 from harness.stats.agreement import AgreementVerdict, agreement_verdict
-from harness.stats.channels import Channel
-from harness.stats.contrasts import DARK_TILE
 from harness.stats.needed import times
-from harness.stats.paired import largest_sample, paired_verdict
 from harness.stats.tiles import TileSamples
 from harness.stats.verdicts import GRAVITY
 
@@ -28,8 +24,8 @@ ROUNDS = (MOST_SINGLES // SINGLES).bit_length()
 ASTRAY = 0.25
 
 
-def agreed(gate: Gate, test: Renderer, reference: Renderer) -> tuple[Gate, AgreementVerdict]:
-    """The gate that knows its largest sample, and whether single samples of both sides agree.
+def agreed(gate: Gate, test: Renderer, reference: Renderer) -> AgreementVerdict:
+    """Do single samples of both sides agree?
 
     Drawn are the first samples of the first replicas, until that is decided or `MOST_SINGLES` are there.
     """
@@ -47,8 +43,7 @@ def agreed(gate: Gate, test: Renderer, reference: Renderer) -> tuple[Gate, Agree
     if verdict.share > ASTRAY:
         verdict = replace(verdict, reason=f"{verdict.reason}: paths do not follow, as where the shader draws numbers "
                                           "of its own, or in another order")
-    largest = largest_sample(with_luminance(np.stack(ours)), with_luminance(np.stack(theirs)))
-    return replace(gate, largest=largest), verdict
+    return verdict
 
 
 def with_agreement(result: GateResult, agreement: AgreementVerdict) -> GateResult:
@@ -86,15 +81,3 @@ def require_budget(gate: Gate, test: TileSamples, reference: TileSamples) -> Non
             f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small for its tolerance: a "
             f"sample that has not come yet may hide more; about {times(factor)} the samples would do, or wider "
             "tolerances")
-
-
-def point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) -> CurvePoint:
-    """The first samples of both sides, in pairs: see `CurvePoint`."""
-    error = low = high = float("nan")
-    if len(test.samples) > 1:
-        error, low, high = paired_verdict(test, reference, gate.tolerance, largest=gate.largest,
-                                          pass_level=gate.pass_level).luminance
-    ours, theirs = (side.means.mean(axis=0)[..., Channel.LUMINANCE] for side in (test, reference))
-    whole = theirs.mean()
-    off = (ours - theirs) / np.maximum(np.abs(theirs), DARK_TILE * abs(whole)) if whole else np.zeros_like(theirs)
-    return CurvePoint(samples, error, low, high, float(np.sqrt((off**2).mean())))

@@ -48,7 +48,7 @@ class Gate:
     and line, where messages point; `entry`: the name of the entry of the file, which stands for one gate a strategy.
     `at_once`: all replicas are there from the beginning (images in files), so there is one look, at all of them.
     `agreement`: of a gate whose reference draws the test's own random numbers (a *coupled* gate), the share of samples
-    that may differ, None of others; `largest`: what a single sample of it may be, per channel, known once it runs.
+    that may differ, None of others.
     """
 
     name: str
@@ -67,7 +67,6 @@ class Gate:
     not_finite: float = 0.0
     at_once: bool = False
     agreement: float | None = None
-    largest: tuple[float, ...] | None = None
 
     @property
     def strategy(self) -> str:
@@ -94,7 +93,7 @@ class Gate:
         """The same of a coupled gate, None of another; half of its false alarms are left to the agreement."""
         if self.agreement is None:
             return None
-        return PairedLooking(self.plan, self.tolerance, self.half_level, self.pass_level, self.largest)
+        return PairedLooking(self.plan, self.tolerance, self.half_level, self.pass_level)
 
     def tightened(self) -> Gate:
         """A coupled gate with a quarter of its tolerances and four times its samples: what a sample that has not come

@@ -8,22 +8,19 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from harness.errors import HarnessError
 from harness.estimators.base import Renderer
-from harness.gates.budget import factor_needed, tile_scale, too_small
+from harness.gates.budget import factor_needed, too_small
 from harness.gates.contract import breach, one_image, remark
-from harness.gates.coupled import agreed, dissected, point, require_budget, with_agreement
+from harness.gates.coupled import agreed, dissected, require_budget, with_agreement
+from harness.gates.curve import curve
 from harness.gates.ladder import climb, told
-from harness.gates.model import MAX_SIDE, CurvePoint, Gate, GateResult, Look
+from harness.gates.model import MAX_SIDE, Gate, GateResult, Look
 from harness.gates.references import References
 from harness.progress import Progress, quiet
 from harness.scene import Film
-from harness.stats.channels import Channel
 from harness.stats.needed import times
-from harness.stats.tiles import ImageMoments, TileSamples
-from harness.stats.verdicts import tile_verdict
+from harness.stats.tiles import ImageMoments
 from harness.work.run import FixedRun, Run
 
 
@@ -56,7 +53,7 @@ def _run(gate: Gate, film: Film, references: References, progress: Progress, beg
         ours = Run(renderer, gate.spp)
         agreement = None
         if gate.agreement is not None:
-            gate, agreement = agreed(gate, renderer, theirs.renderer)
+            agreement = agreed(gate, renderer, theirs.renderer)
         looks = _look(gate, ours, theirs, advance, decided=agreement is not None and agreement.outcome == "fail")
         broken = breach(gate, ours)
         result = _result(gate, film, looks, ours, theirs, broken, time.perf_counter() - began)
@@ -137,23 +134,5 @@ def _result(gate: Gate, film: Film, looks: list[Look], ours: Run, theirs: Run | 
         reason += f"; the budget of {gate.replicas} x {gate.spp} samples per pixel has ended"
     if outcome == "fail" and not broken:
         reason += remark(looks[-1].verdict.mean, ours)
-    return GateResult(gate, outcome, reason, tuple(looks), _curve(gate, ours, theirs), ours.estimate(),
+    return GateResult(gate, outcome, reason, tuple(looks), curve(gate, ours, theirs), ours.estimate(),
                       theirs.estimate(), film.exposure, seconds)
-
-
-def _curve(gate: Gate, ours: Run, theirs: Run | FixedRun) -> tuple[CurvePoint, ...]:
-    """Prefixes of 1, 2, 4, … replicas, and all."""
-    counts = sorted({*(2**k for k in range(ours.replicas.bit_length())), ours.replicas})
-    if gate.paired is not None:
-        return tuple(point(gate, ours.tiles(count), theirs.tiles(count), gate.spp * count) for count in counts)
-    reference = theirs.tiles(ours.replicas)
-    return tuple(_point(gate, ours.tiles(count), reference, gate.spp * count) for count in counts)
-
-
-def _point(gate: Gate, test: TileSamples, reference: TileSamples, samples: int) -> CurvePoint:
-    whole = tile_verdict(test.whole(), reference.whole(), gate.tolerance.mean, pass_level=gate.pass_level)
-    error, low, high = (float(values[0, 0, Channel.LUMINANCE]) for values in (whole.error, whole.low, whole.high))
-    theirs = reference.moments()
-    squares = (test.moments().mean - theirs.mean)**2 - theirs.variance
-    square = float((squares / tile_scale(theirs)**2)[..., Channel.LUMINANCE].mean())
-    return CurvePoint(samples, error, low, high, float(np.sqrt(max(square, 0.0))))

@@ -22,10 +22,10 @@ from harness.shader.source import ShaderSource
 
 # The file with `main`, as the taps include it.
 INCLUDED_MAIN = "tap/main.glsl"
-# Records by name, as tap.glsl numbers them.
+# Records by name, as probes/tap/records.glsl numbers them.
 VERTEX_RECORDS = ("origin", "ray", "normal", "place", "facing", "direction", "weight", "diffuse", "glossy", "light",
                   "surface", "states", "lobe", "numbers", "brdf", "tangent", "bitangent", "about", "turned", "lifted",
-                  "met")
+                  "met", "drawn", "taken")
 PATH_RECORDS = ("film", "stream", "seed", "generator", "first", "time", "eye", "gaze", "given", "returned", "asked",
                 "pixel", "finite", "pose", "pose_normal")
 # Functions that the taps may call by themselves, where a library has them with these parameters.

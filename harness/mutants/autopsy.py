@@ -16,7 +16,7 @@ from harness.diagnosis.autopsy import SAMPLES, diagnose, looks, opened
 from harness.diagnosis.case import Case
 from harness.diagnosis.record import AutopsyRecord
 from harness.errors import StoreError
-from harness.files import write_atomically
+from harness.files import data_dir, write_atomically
 from harness.gpu.tap import Observed
 from harness.mutants.catalogue import Mutant, mutated
 from harness.mutants.variants import Variant, load_variants
@@ -28,6 +28,8 @@ from harness.scene import SceneFile
 from harness.scene import load as read
 from harness.shader.functions import functions_of
 from harness.shader.library import GENERATED, OURS, Library, OwnFile
+from harness.shader.scene.materials import switches
+from harness.shader.strategies import suitable_strategies
 from harness.work.executors import executor
 
 SIZE = (48, 36)
@@ -37,14 +39,15 @@ SCENES: tuple[tuple[str, str], ...] = (
     ("furnace_phong", "phong"), ("depth_of_field", "mixture"), ("environment", "mixture"), ("textures", "mixture"),
     ("motion_blur", "mixture"), ("transforms", "mixture"), ("cylinders", "mixture"), ("area_lights", "mixture"),
     ("procedural", "mixture"), ("course_scene", "mixture"), ("cornell", "mixture"), ("glossy_ladder", "lobes"),
-    ("displaced", "mixture"), ("displaced_spheres", "mixture"))
+    ("displaced", "mixture"), ("displaced_spheres", "mixture"), ("traps/seam", "mixture"), ("traps/ground", "mixture"),
+    ("traps/grazing", "mixture"), ("traps/white_room", "mixture"), ("traps/far_camera", "mixture"))
 # Where a word of a mutant's id, or its file, is most at home: looked at first, which only saves time.
 HOMES = {"lens": ("depth_of_field", "mixture"), "time": ("motion_blur", "mixture"),
          "motion": ("motion_blur", "mixture"), "cylinder": ("cylinders", "mixture"),
          "disk": ("area_lights", "mixture"), "only": ("furnace_phong", "phong"), "rectangle": ("cornell", "mixture"),
          "emission": ("area_lights", "mixture"), "emits": ("area_lights", "mixture"),
          "back": ("area_lights", "mixture"), "inside": ("cornell", "mixture"), "lobes": ("spheres", "lobes"),
-         "uniform": ("spheres", "uniform"), "cosine": ("spheres", "cosine"),
+         "uniform": ("spheres", "uniform"), "cosine": ("spheres", "cosine"), "wrapped": ("traps/seam", "mixture"),
          "grain": ("displaced_spheres", "mixture"), "fireflies": ("motion_blur", "mixture"),
          "clamped": ("cylinders", "mixture"), "lib/motion.glsl": ("motion_blur", "mixture"),
          "lib/displaced.glsl": ("displaced", "mixture"), "lib/bitmaps.glsl": ("textures", "mixture"),
@@ -56,14 +59,15 @@ CHUNK = 8
 
 def score(mutants: Sequence[Mutant], *, jobs: int = 1, variants: bool = True,
           progress: Progress = quiet) -> AutopsyScore:
-    """Examine every mutant until a scene shows it, and the right shader and its variants on every scene, in `jobs`
-    processes. HarnessError where a mutant or a variant does not apply."""
+    """Examine every mutant until a scene shows it, and the right shader and its variants on every scene with
+    every strategy that suits it, in `jobs` processes. HarnessError where a mutant or a variant does not apply."""
     for mutant in mutants:
         mutated(mutant)
     right = [("ours", OURS), *((variant.id, as_own_files(variant)) for variant in load_variants())] if variants else []
     found: dict[str, NamedMutant] = {}
     seen: dict[str, NamedMutant] = {}
-    total = len(mutants) + len(right) * len(SCENES)
+    everywhere = list(_everywhere()) if right else []
+    total = len(mutants) + len(right) * len(everywhere)
     with progress(total, "autopsies") as advance, executor("processes", jobs, _start) as pool:
         for results in pool.map(_examine, _at_home(mutants)):
             found |= {each.id: each for each in results if each.outcome in ("named", "misnamed")}
@@ -77,11 +81,21 @@ def score(mutants: Sequence[Mutant], *, jobs: int = 1, variants: bool = True,
                 elif each.outcome == "missed" or each.id not in seen:
                     seen[each.id] = each
         acquitted: list[Acquitted] = []
-        for cleared in pool.map(_acquit, [(where, right[first:first + CHUNK]) for where in SCENES
-                                          for first in range(0, len(right), CHUNK)]):
+        for cleared in pool.map(_acquit, [(where, right) for where in everywhere]):
             acquitted += cleared
             advance(len(cleared))
     return AutopsyScore(tuple(found.get(mutant.id, seen[mutant.id]) for mutant in mutants), tuple(acquitted))
+
+
+def _everywhere() -> Iterator[tuple[str, str]]:
+    """Every scene that comes with the harness, traps included, with each strategy that suits it; one of those that draw
+    alike where there is no lobe to choose."""
+    folder = data_dir("mitsuba_scenes")
+    for path in sorted([*folder.glob("*.xml"), *folder.glob("traps/*.xml")]):
+        name = path.relative_to(folder).with_suffix("").as_posix()
+        scene = read(SceneFile.bundled(name, SIZE))
+        alike = () if switches(scene.shapes)["HAS_GLOSSY"] else ("lobes", "mixture")
+        yield from ((name, strategy) for strategy in suitable_strategies(scene) if strategy not in alike)
 
 
 def as_own_files(variant: Variant) -> Library:

@@ -14,21 +14,25 @@ from harness.gates import Gate, load_gates
 from harness.mutants.catalogue import Mutant, mutated
 from harness.mutants.judge import Judge
 from harness.mutants.matrix import KillMatrix, State
+from harness.mutants.memory import Memory
 from harness.progress import Progress, quiet
 from harness.work.executors import executor
 
 # Files of tests whose names begin so are gates as well: what probes say of one function of the shader library.
 MODULE_PREFIX = "test_"
 MODULE_FOLDERS = ("glsl", "gpu")
+SUPPORT_FOLDER = "support"
 
 
 @dataclass(frozen=True)
 class Gates:
-    """All gates of a run: those of a file, by name, and the test modules of a folder of tests."""
+    """All gates of a run: those of a file, by name, and the test modules of a folder of tests; `folders`: what these
+    modules may depend on."""
 
     file: Path
     modules: tuple[Path, ...]
     names: tuple[str, ...]
+    folders: tuple[Path, ...] = ()
 
     @classmethod
     def of(cls, file: Path, tests: Path) -> Gates:
@@ -39,12 +43,14 @@ class Gates:
         if not modules:
             raise HarnessError(f"{tests}: no test modules in {' and '.join(MODULE_FOLDERS)}; name the folder "
                                "of the harness's tests")
-        return cls(file, modules, (*(gate.name for gate in family), *(module.stem for module in modules)))
+        names = (*(gate.name for gate in family), *(module.stem for module in modules))
+        return cls(file, modules, names, tuple(tests / name for name in (*MODULE_FOLDERS, SUPPORT_FOLDER)))
 
 
 def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
                 store: Path | None = None, progress: Progress = quiet) -> KillMatrix:
-    """Run every gate on every mutant, in `jobs` processes; `store` keeps the references between runs.
+    """Run every gate on every mutant, in `jobs` processes; `store` keeps the references between runs, and where there
+    is one, so is what was said of each mutant, as soon as it is judged: an interrupted run goes on where it was.
 
     What is run of each gate: `judge.Judge.judge`. HarnessError when a mutant does not apply, does not compile or names
     a gate that does not exist, and when, with the shader as it is, a test module fails, a gate fails at a glance, or
@@ -56,19 +62,25 @@ def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
                                f"exist; choose from {', '.join(gates.names)}")
     for mutant in mutants:
         mutated(mutant)  # one that does not apply shows before the first is judged
+    image_gates = _image_gates(gates.file)
+    memory = Memory(image_gates, gates.file, gates.folders) if store else None
+    known = {mutant.id: states for mutant in mutants if memory and (states := memory.recall(mutant))}
+    left = [mutant for mutant in mutants if mutant.id not in known]
     stems = [module.stem for module in gates.modules]
-    needed = sorted({mutant.killer for mutant in mutants if mutant.killer in stems})
-    checks = [*_by_scene(_image_gates(gates.file)), *([module] for module in needed)]
-    rows: list[tuple[State, ...]] = []
-    with (tempfile.TemporaryDirectory(prefix="mutants-") as folder, progress(len(checks) + len(mutants), "mutants")
+    needed = sorted({mutant.killer for mutant in left if mutant.killer in stems})
+    checks = [*_by_scene(image_gates), *([module] for module in needed)] if left else []
+    with (tempfile.TemporaryDirectory(prefix="mutants-") as folder, progress(len(checks) + len(left), "mutants")
           as advance, executor("processes", jobs, partial(_start, gates, store, Path(folder))) as pool):
         for problem in pool.map(_check, checks):
             if problem:
                 raise HarnessError(problem)
             advance(1)
-        for states in pool.map(_judge, mutants):
-            rows.append(tuple(states.get(name, "not run") for name in gates.names))
+        for mutant, states in zip(left, pool.map(_judge, left), strict=True):
+            known[mutant.id] = states
+            if memory:
+                memory.keep(mutant, states)
             advance(1)
+    rows = [tuple(known[mutant.id].get(name, "not run") for name in gates.names) for mutant in mutants]
     return KillMatrix(tuple(mutants), gates.names, tuple(rows))
 
 

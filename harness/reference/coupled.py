@@ -152,22 +152,26 @@ class CoupledRenderer:
         width, height = self.reading.width, self.reading.height
         total = np.zeros((height, width, 3))
         counted = np.zeros((height, width, 1))
+        largest = np.zeros((height, width, 3), np.float32)
         for first in range(start, start + count, BLOCK):
             samples = min(BLOCK, start + count - first)
             rows = max(1, min(height, LANES // (width * samples)))
             for top in range(0, height, rows):
                 part = slice(top, min(height, top + rows))
-                sums, number = self._sums(replica, first, samples, part.start, part.stop)
+                sums, number, most = self._sums(replica, first, samples, part.start, part.stop)
                 total[part] += sums
                 counted[part] += number
+                largest[part] = np.maximum(largest[part], most)
             if advance is not None:
                 advance(samples)
         mean = total / np.maximum(counted, 1)
         rejected = count * width * height - int(counted.sum())
-        return Batch(mean.astype(np.float32), count, rejected, watch.cost(cpu()))
+        return Batch(mean.astype(np.float32), count, rejected, watch.cost(cpu()), largest)
 
-    def _sums(self, replica: int, first: int, samples: int, top: int, bottom: int) -> tuple[np.ndarray, np.ndarray]:
-        """Sums of radiance (rows, W, 3) of the rows from the top, and how many samples are in them (rows, W, 1)."""
+    def _sums(self, replica: int, first: int, samples: int, top: int,
+              bottom: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the rows from the top: sums of radiance (rows, W, 3), how many samples are in them (rows, W, 1), and the
+        largest of these in each channel (rows, W, 3), which bounds what one that parts is off by."""
         import drjit as dr
 
         radiance = self._trace(self.begin(self.lanes(samples, top, bottom, first), replica))
@@ -175,11 +179,12 @@ class CoupledRenderer:
         radiance = dr.select(finite, radiance, 0)
         ones = self.mi.Float(dr.select(finite, self.mi.Float(1), 0))
         dr.eval(radiance, ones)  # or each sum would trace all paths anew
-        sums = [dr.block_sum(values, samples) for values in (*radiance, ones)]
-        dr.eval(sums)
-        image = np.stack([np.array(values, dtype=np.float64) for values in sums], -1)
-        image = image.reshape(bottom - top, self.reading.width, 4)
-        return image[..., :3], image[..., 3:]
+        found = [dr.block_sum(values, samples) for values in (*radiance, ones)]
+        found += [dr.block_reduce(dr.ReduceOp.Max, values, samples) for values in radiance]
+        dr.eval(found)
+        image = np.stack([np.array(values, dtype=np.float64) for values in found], -1)
+        image = image.reshape(bottom - top, self.reading.width, 7)
+        return image[..., :3], image[..., 3:4], image[..., 4:]
 
     def lanes(self, samples: int, top: int, bottom: int, first: int) -> Lanes:
         """All samples of the rows from `top` to before `bottom`, counted from the image's top; samples run fastest."""

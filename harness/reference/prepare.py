@@ -11,6 +11,7 @@ from typing import Any
 from harness.errors import SceneError
 from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, use_reference_variant
 from harness.reference.expand import expand_shapes, move_to_frame
+from harness.reference.offsets import offset_seen
 from harness.reference.plugins import register_plugins
 from harness.scene import Film, Scene, SceneFile, load
 from harness.scene.frame import LARGEST_OFFSET, Frame, frame_of, framed
@@ -79,9 +80,14 @@ def prepare(file: SceneFile, variant: str = REFERENCE_VARIANT) -> Prepared:
     config.merge_meshes = False
     try:
         mi.parser.transform_all(config, state)
-        return Prepared(mi.parser.instantiate(config, state), film, reading, integrator, max_depth)
+        scene = mi.parser.instantiate(config, state)
     except Exception as error:  # Mitsuba raises bare RuntimeError, whose last line holds a Python plugin's message
         raise SceneError(_refusal(file, str(error))) from None
+    if reading is None and (offset := offset_seen(mi, scene)) > LARGEST_OFFSET:
+        _log.warning("%s: Mitsuba lifts rays off surfaces by %.1e of the width of what is seen, so that light passes "
+                     "under what stands on a floor: its image is not exact; scale and shift the scene until what is "
+                     "seen is some units wide and near the origin", file.path, offset)
+    return Prepared(scene, film, reading, integrator, max_depth)
 
 
 def instantiate(file: SceneFile) -> Any:

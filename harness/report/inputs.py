@@ -10,6 +10,7 @@ from functools import cached_property
 from harness.errors import HarnessError
 from harness.results import AutopsyScore, BenchRow, CoupledRecord, Exhibit, KillRecord, StudyResult
 from harness.stats.calibration import Calibration
+from harness.studies.oracle import OracleFile
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +20,8 @@ class Inputs:
     `profile`: the word for how thorough the studies were. `elapsed`: wall-clock seconds of the steps before the report,
     by name. The rest as far as it was measured: `bench`, `mutants`: what `harness bench` and `harness mutants` found;
     `exhibits`: the handout's errors; `calibration`: the verdicts' own errors; `coupled`: the tracer against the oracle
-    that draws its random numbers; `autopsies`: what these name of mutants.
+    that draws its random numbers; `autopsies`: what these name of mutants; `oracle`: that oracle against Mitsuba's own
+    `path`, once and at length.
     """
 
     results: Sequence[StudyResult]
@@ -31,6 +33,7 @@ class Inputs:
     mutants: KillRecord | None = None
     coupled: Sequence[CoupledRecord] = ()
     autopsies: AutopsyScore | None = None
+    oracle: OracleFile | None = None
 
     def __post_init__(self) -> None:
         names = [result.scene for result in self.results]

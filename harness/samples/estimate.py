@@ -26,13 +26,15 @@ class Batch:
     radiance is `mean * samples` in float64: rounding one batch's mean to float32 moves it by at most 6e-8 relative,
     far below the noise of any batch, and a batch read back from disk equals the batch that was rendered.
     `rejected` counts samples over the whole image that were not finite and so left out of the mean.
-    `cost`: what it took, and on which device.
+    `cost`: what it took, and on which device. `largest`: (H, W, 3) float32, of each pixel and channel the largest of
+    its single samples; None where the renderer does not keep it.
     """
 
     mean: np.ndarray
     samples: int
     rejected: int = 0
     cost: Cost = field(default_factory=Cost.unknown)
+    largest: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

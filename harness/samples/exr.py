@@ -33,6 +33,7 @@ MAGIC = b"\x76\x2f\x31\x01"  # what every file of the format begins with
 _BLANK = b"0" * 64  # what the seal holds while the file is hashed
 _SEAL_HEAD = _SEAL.encode() + b"\0string\0" + len(_BLANK).to_bytes(4, "little")
 _COLOURS = ("R", "G", "B")
+_LARGEST = ("largest.R", "largest.G", "largest.B")
 _VARIANCES = ("variance.R", "variance.G", "variance.B", "variance.Y")
 _INT32 = 2**31
 # Attributes of the format itself (OpenEXR file layout, "Predefined attributes"); the rest of a header is metadata.
@@ -121,6 +122,8 @@ def write_batch(path: str | Path, batch: Batch, metadata: Mapping[str, Any] | No
     """
     facts = {"samples": batch.samples, "rejected": batch.rejected, "cost": asdict(batch.cost)}
     channels = dict(zip(_COLOURS, np.moveaxis(batch.mean, -1, 0), strict=True))
+    if batch.largest is not None:
+        channels |= dict(zip(_LARGEST, np.moveaxis(batch.largest, -1, 0), strict=True))
     # Lossless JPEG 2000: of batches of 32 samples and more it leaves 64 %, where ZIP leaves 87 and Zstandard 73. One of
     # 170 x 170 pixels takes 4.6 ms of CPU time to write (1.3 ms without compression), and 150 to 440 ms to draw.
     compression = OpenEXR.HTJ2K256_COMPRESSION if compact else OpenEXR.NO_COMPRESSION
@@ -134,8 +137,9 @@ def read_batch(path: str | Path) -> Batch:
     if _BATCH not in metadata:
         raise StoreError(f"{path}: not a batch, it lacks the attribute '{_BATCH}'; remove it and render again")
     facts = _facts(path, metadata[_BATCH], ("samples", "rejected", "cost"))
+    largest = _stack(path, channels, _LARGEST).astype(np.float32) if _LARGEST[0] in channels else None
     return Batch(_stack(path, channels, _COLOURS).astype(np.float32), facts["samples"], facts["rejected"],
-                 facts["cost"])
+                 facts["cost"], largest)
 
 
 def _write(path: Path, channels: Mapping[str, np.ndarray], metadata: Mapping[str, Any],

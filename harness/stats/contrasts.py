@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.stats.bias import error_scale
-from harness.stats.deviates import satterthwaite
+from harness.stats.deviates import half_width, satterthwaite, skew_interval
 from harness.stats.tiles import ImageMoments, TileMoments, TileSamples
 
 # A tile darker than this part of the image's mean is measured against that part, not against its own near-zero mean.
@@ -49,8 +49,15 @@ class Contrast(ABC):
     def excess(self, error: float | np.ndarray) -> Excess:
         """T - (1 + error) R; `error` a number or an array (rows, columns, C)."""
 
+    def interval(self, pass_level: float) -> tuple[np.ndarray, np.ndarray]:
+        """The interval of each error at confidence 1 - `pass_level`, to first order in the reference's noise (delta
+        method)."""
+        error = self.excess(0.0).value / self.scale
+        _, variance, third, dof = self.excess(error)
+        return skew_interval(error, variance / self.scale**2, third / self.scale**3, dof, pass_level)
+
     def unseen(self, pass_level: float) -> np.ndarray:
-        """The bias that samples may hide which have not come yet, beside the interval at 1 - `pass_level`.
+        """The bias that samples may hide which have not come yet, where none at all was seen to differ.
 
         Of n samples none was of a kind that comes with probability p: that has probability (1 - p)^n, so p is at most
         -ln(α)/n at level α (the rule of three, -ln 0.05 = 3.0; Hanley and Lippman-Hand 1983, "If nothing goes wrong, is
@@ -125,19 +132,46 @@ class PairedContrast(Contrast):
     """Of estimates from the same random numbers: batch k of the one belongs to batch k of the other.
 
     The moments are those of the batches' own D - error M: no covariance is assumed, and none left out. `lent`: what
-    neighbours add to the variance of D (`borrowed`).
+    neighbours add to the variance of D (`borrowed`). `unseen_level`: in place of the interval's, see `unseen`.
     """
 
     moments: PairedMoments
     lent: np.ndarray
+    unseen_level: float | None = None
 
     @classmethod
-    def of(cls, moments: PairedMoments, largest: np.ndarray) -> PairedContrast:
+    def of(cls, moments: PairedMoments, largest: np.ndarray, unseen_level: float | None = None) -> PairedContrast:
         """From the moments of both; `largest` (rows, columns, C): what one sample is at the most, in radiance."""
         scale, differences = scale_of(moments.reference), moments.differences
         single = largest / (differences.pixels * moments.samples * scale)
         return cls(moments.test, moments.reference, scale, single, moments,
-                   borrowed(differences, scale) - differences.variance)
+                   borrowed(differences, scale) - differences.variance, unseen_level)
+
+    def unseen(self, pass_level: float) -> np.ndarray:
+        """As of every contrast, but at `unseen_level` where there is one: looks need not share what they spend on it.
+
+        What n samples have not shown, fewer had not shown either: a bias that hides at a later look has hidden at all
+        before it. One that comes with probability p and would pass from n samples on, p n >= -ln(α), hides from these
+        with probability e^(-p n) <= α, at how many looks ever.
+        """
+        return super().unseen(self.unseen_level or pass_level)
+
+    def interval(self, pass_level: float) -> tuple[np.ndarray, np.ndarray]:
+        """As of every contrast, but that the noise is one of jumps no larger than M, of which some were seen.
+
+        A bias e away from the one seen, d, comes from jumps that came too seldom, and these have a variance of their
+        own, of (e - d) M/n at the most. So (e - d)² = t² (V + (e - d) M/n) where e is just not rejected: Wilson's
+        (1927) score interval, for jumps of several sizes. Where nothing was seen that gives t² M/n for the rule of
+        three's -ln(α) M/n; the latter, `unseen`, is exact, and stands in its place: e - d = u/2 + √(t² V + u²/4). For
+        jumps of one size that is within a tenth of a jump of the exact interval of a Poisson mean (Garwood 1936).
+        Hall's correction knows no M, and would be up to twice as wide.
+        """
+        error = self.excess(0.0).value / self.scale
+        _, variance, _, dof = self.excess(error)
+        unseen = self.unseen(pass_level)
+        seen = half_width(np.sqrt(variance) / self.scale, dof, pass_level)
+        away = unseen / 2 + np.hypot(seen, unseen / 2)
+        return error - away, error + away
 
     def excess(self, error: float | np.ndarray) -> Excess:
         e = np.where(self.scale == np.abs(self.reference.mean), error, 0.0)

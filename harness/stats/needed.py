@@ -17,8 +17,8 @@ def factor_to_decide(ratios: np.ndarray, sure: float, unseen: np.ndarray | float
     """How many times the samples let every interval lie inside its tolerance with probability 0.95, without a bias.
 
     `ratios`: standard errors in tolerances, any shape; `sure`: half an interval's width in standard errors; `unseen`:
-    what intervals allow on either side for samples that have not come yet (`contrasts.Contrast.unseen`), in tolerances,
-    of the same shape. Stein's (1945) two-stage sample size, for many intervals at once by the union bound. Infinite
+    what intervals allow for samples that have not come yet (`contrasts.PairedContrast.interval`), in tolerances, of the
+    same shape. Stein's (1945) two-stage sample size, for many intervals at once by the union bound. Infinite
     where a ratio is not finite, or for more than 2^40 times.
     """
     if undecided(ratios, HOPELESS, sure, unseen) > 1 - DECIDED:
@@ -39,7 +39,8 @@ def undecided(ratios: np.ndarray, factor: float, sure: float, unseen: np.ndarray
     if not np.isfinite(ratios).all():
         return float("inf")
     with np.errstate(divide="ignore"):
-        room = (1 - unseen / factor) * np.sqrt(factor) / ratios - sure
+        errors, unseen = ratios / np.sqrt(factor), unseen / factor
+        room = (1 - unseen / 2 - np.hypot(sure * errors, unseen / 2)) / errors
     return float(2 * special.ndtr(-room).sum())
 
 

@@ -74,7 +74,8 @@ def resampled(bank: TileSamples, chosen: np.ndarray) -> Iterator[ImageMoments]:
 
 
 def resampled_pairs(test: TileSamples, reference: TileSamples, chosen: np.ndarray,
-                    largest: tuple[np.ndarray, ...]) -> Iterator[tuple[PairedContrast, ...]]:
+                    largest: tuple[np.ndarray, ...],
+                    unseen_level: float | None = None) -> Iterator[tuple[PairedContrast, ...]]:
     """The contrasts of each run of coupled estimates, which consists of pairs of replicas `chosen` (runs, replicas).
 
     The same as `paired.paired` of just these, but that a single sample is no larger than `largest`, of the whole bank
@@ -87,7 +88,8 @@ def resampled_pairs(test: TileSamples, reference: TileSamples, chosen: np.ndarra
     banks = ((test.whole(), reference.whole()), (test.coarser(COARSER), reference.coarser(COARSER)), (test, reference))
     sides = (_paired_moments(*pair, counts) for pair in banks)
     for moments in zip(*sides, strict=True):
-        yield tuple(PairedContrast.of(each, bound) for each, bound in zip(moments, largest, strict=True))
+        yield tuple(PairedContrast.of(each, bound, unseen_level)
+                    for each, bound in zip(moments, largest, strict=True))
 
 
 def _paired_moments(test: TileSamples, reference: TileSamples, counts: np.ndarray) -> Iterator[PairedMoments]:

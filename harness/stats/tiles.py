@@ -39,7 +39,8 @@ class TileSamples:
     tolerance to pass that they take from 16.
 
     `brightest`: (B, rows, columns, C), what no single sample of the batch exceeds in the tile, in radiance: the largest
-    sum of samples in any of its pixels, for radiance is not negative. None where nobody kept it.
+    sample where the renderer keeps it, else the largest sum of samples in any of its pixels, for radiance is not
+    negative. None where nobody kept it.
     """
 
     means: np.ndarray
@@ -139,8 +140,9 @@ class TileAccumulator:
         self._samples: list[float] = []
         self._brightest: list[np.ndarray] = []
 
-    def add(self, mean: np.ndarray, samples: int) -> None:
-        """One batch: its mean image (H, W, C) and its samples per pixel; ValueError for none, or for another size."""
+    def add(self, mean: np.ndarray, samples: int, largest: np.ndarray | None = None) -> None:
+        """One batch: its mean image (H, W, C), its samples per pixel and, if known, the largest single sample of each
+        pixel, shaped as the mean. ValueError for no samples, or another size."""
         if samples < 1:
             raise ValueError(f"expected at least 1 sample, found {samples}")
         if self._means and mean.shape[:2] != self._shape:
@@ -148,7 +150,8 @@ class TileAccumulator:
         self._shape = (mean.shape[0], mean.shape[1])
         self._means.append(tile_means(mean, self.tile))
         self._samples.append(float(samples))
-        self._brightest.append(samples * grouped(np.abs(mean, dtype=np.float64)[None], self.tile, np.maximum)[0])
+        bound = np.abs(mean, dtype=np.float64) * samples if largest is None else np.asarray(largest, dtype=np.float64)
+        self._brightest.append(grouped(bound[None], self.tile, np.maximum)[0])
         if len(self._samples) > MAX_BATCHES:
             self._means = [np.average(self._means[k:k + 2], axis=0, weights=self._samples[k:k + 2])
                            for k in range(0, len(self._samples), 2)]

@@ -19,7 +19,6 @@ from harness.stats.deviates import (
     largest_deviate,
     one_sided,
     skew_deviate,
-    skew_interval,
     skew_student,
 )
 from harness.stats.levels import check_level, family_level
@@ -153,7 +152,7 @@ def contrast_verdict(contrast: Contrast, tile: int, tolerance: float, *, fail_le
     """The verdict of `tile_verdict` on a contrast of tiles of `tile` pixels a side.
 
     Where a single sample may count for much that has not come yet, `pass` and the intervals allow for it
-    (`Contrast.unseen`), and `fail` does not: what nobody has seen accuses nobody.
+    (`PairedContrast.interval`), and `fail` does not: what nobody has seen accuses nobody.
     """
     check_tolerance(tolerance)
     check_level(fail_level)
@@ -164,13 +163,12 @@ def contrast_verdict(contrast: Contrast, tile: int, tolerance: float, *, fail_le
     cell = family_level(fail_level, error.size)
     detectable = half_width(sigma, dof, cell) + half_width(sigma, dof, 2 * (1 - POWER))
     unseen = contrast.unseen(pass_level)
-    low, high = _interval(contrast, error, pass_level)
+    low, high = contrast.interval(pass_level)
     z = skew_deviate(*contrast.excess(0.0))
     above, below = (skew_deviate(*contrast.excess(bound)) for bound in (tolerance, -tolerance))
-    within, over = (skew_deviate(*contrast.excess(bound)) for bound in (tolerance - unseen, unseen - tolerance))
     sure = critical_deviate(pass_level / 2)
-    maps = _Maps(error, low - unseen, high + unseen, np.nan_to_num(np.maximum(above, -below), nan=-np.inf),
-                 (-within >= sure) & (over >= sure), unseen)
+    within = (-tolerance <= low) & (high <= tolerance) if unseen.any() else (-above >= sure) & (below >= sure)
+    maps = _Maps(error, low, high, np.nan_to_num(np.maximum(above, -below), nan=-np.inf), within, unseen)
     reason = _reason(outcome, tile, contrast, maps, p, tolerance)
     row, column = np.unravel_index(int(np.argmax(np.abs(np.nan_to_num(z)))), z.shape)[:2]
     return TileVerdict(outcome, reason, tolerance, fail_level, pass_level, tile, error, maps.low, maps.high, z, p,
@@ -215,13 +213,7 @@ class _Maps(NamedTuple):
     high: np.ndarray
     beyond: np.ndarray  # deviate of the excess over the tolerance
     equivalent: np.ndarray
-    unseen: np.ndarray  # of the interval, on either side
-
-
-def _interval(contrast: Contrast, error: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:
-    """The interval of each error, to first order in the reference's noise (delta method)."""
-    _, variance, third, dof = contrast.excess(error)
-    return skew_interval(error, variance / contrast.scale**2, third / contrast.scale**3, dof, alpha)
+    unseen: np.ndarray  # the allowance for samples that have not come yet
 
 
 def _family_p(deviate: float, cells: int) -> float:
@@ -241,8 +233,10 @@ def _decided(contrast: Contrast, tolerance: float, fail_level: float, pass_level
     if p < fail_level:
         return "fail", p
     if contrast.single.any():
-        students, dofs = _beyond(contrast, tolerance - contrast.unseen(pass_level))
-    equivalent = all_exceed(-students, dofs, critical_deviate(pass_level / 2))
+        low, high = contrast.interval(pass_level)
+        equivalent = bool((-tolerance <= low).all() and (high <= tolerance).all())
+    else:
+        equivalent = all_exceed(-students, dofs, critical_deviate(pass_level / 2))
     return ("pass" if equivalent else "inconclusive"), p
 
 
@@ -284,7 +278,7 @@ def _reason(outcome: Outcome, tile: int, contrast: Contrast, maps: _Maps, p: flo
     farthest = np.unravel_index(int(np.argmax(reach)), reach.shape)
     widest = told(farthest)
     if maps.unseen[farthest] > 0:
-        widest += f", {percent(maps.unseen[farthest])} of it on either side for samples that have not come yet"
+        widest += f", which allows {percent(maps.unseen[farthest])} for samples that have not come yet"
     if outcome == "pass":
         return f"every value lies within {band}; the widest interval is that of {widest}"
     return (f"{int((~maps.equivalent).sum())} of {maps.equivalent.size} values may lie outside {band}, first of all "

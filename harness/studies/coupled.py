@@ -25,7 +25,7 @@ from harness.samples.memo import Warn, remembered
 from harness.scene import Scene, SceneFile, file_of
 from harness.shader.strategies import check_strategy
 from harness.stats.agreement import differing
-from harness.stats.paired import FLOAT32_FLOOR, largest_sample, paired_verdict
+from harness.stats.paired import FLOAT32_FLOOR, paired_verdict
 from harness.stats.tiles import TileAccumulator, tile_size
 from harness.studies.memo import glsl_digest
 from harness.studies.plan import exhibited_strategies
@@ -113,11 +113,11 @@ def _compared(scene: str, strategy: str, test: Renderer, reference: Renderer, dr
         difference.add(Batch(ours.mean - theirs.mean, drawn.spp))
         total += luminance(theirs.mean)
         for tile, batch in zip(tiles, (ours, theirs), strict=True):
-            tile.add(with_luminance(batch.mean), batch.samples)
+            largest = None if batch.largest is None else with_luminance(batch.largest)
+            tile.add(with_luminance(batch.mean), batch.samples, largest)
     mean = total / drawn.replicas
     whole = float(mean.mean())
-    verdict = paired_verdict(tiles[0].samples(), tiles[1].samples(),
-                             largest=largest_sample(with_luminance(singles[0]), with_luminance(singles[1])))
+    verdict = paired_verdict(tiles[0].samples(), tiles[1].samples())
     noise, rest = (float(each.estimate().luminance_variance.mean()) for each in (image, difference))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.float64(noise) / rest if np.sqrt(noise) > FLOAT32_FLOOR * whole else np.nan

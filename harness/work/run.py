@@ -36,7 +36,9 @@ class Run:
             self._note(batch)
             if self._tiles is None:
                 self._tiles = TileAccumulator(tile_size(*batch.mean.shape[:2]))
-            self._tiles.add(with_luminance(batch.mean), batch.samples)
+            # Of the largest in each channel, the luminance is no less than that of any one sample.
+            largest = None if batch.largest is None else with_luminance(batch.largest)
+            self._tiles.add(with_luminance(batch.mean), batch.samples, largest)
             self.replicas += 1
             advance(self.spp)
 

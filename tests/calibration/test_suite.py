@@ -132,9 +132,8 @@ class TestCoupled:
         """Samples as bright as a lamp's, of which nobody can say after so few that none parts."""
         held = self.bank(one_gate(tmp_path))
         assert held.paired is not None
-        held = dataclasses.replace(held, **{side: dataclasses.replace(getattr(held, side), brightest=None)
-                                            for side in ("test", "reference")},
-                                   paired=dataclasses.replace(held.paired, largest=100.0))
+        lamps = np.full_like(held.reference.means, 100.0)
+        held = dataclasses.replace(held, reference=dataclasses.replace(held.reference, brightest=lamps))
         assert {outcome for outcome, _ in Simulation(held, 5).endings(np.arange(5))} == {"refused"}
 
 

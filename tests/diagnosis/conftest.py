@@ -1,4 +1,4 @@
-"""The scene of most autopsies here: Mitsuba instantiates it once."""
+"""The scenes of several autopsies here: Mitsuba instantiates each once."""
 
 from __future__ import annotations
 
@@ -16,3 +16,9 @@ SIZE = (32, 24)
 def spheres() -> Iterator[CoupledSteps]:
     """Mitsuba's steps of `spheres`."""
     yield CoupledSteps(SceneFile.bundled("spheres", SIZE))
+
+
+@pytest.fixture(scope="session")
+def ladder() -> Iterator[CoupledSteps]:
+    """Those of `glossy_ladder`, where exponents go from 1 to 1000."""
+    yield CoupledSteps(SceneFile.bundled("glossy_ladder", (48, 36)))

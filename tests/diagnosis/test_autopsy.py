@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from harness.diagnosis.autopsy import autopsy, diagnose, examine, looks, opened
+from harness.diagnosis.autopsy import FIRST, autopsy, diagnose, examine, looks, opened
 from harness.diagnosis.case import own_parts
 from harness.diagnosis.record import AutopsyRecord
 from harness.diagnosis.tally import Tally
 from harness.errors import ShaderError
 from harness.files import data_dir
+from harness.gpu.tap import Look, Observed, Tap
 from harness.mutants.autopsy import as_own_files, wrong_functions
 from harness.mutants.catalogue import choose, load_catalogue, mutated
 from harness.mutants.variants import load_variants
@@ -43,6 +45,8 @@ def exchanged(library: Library, file: str, old: str, new: str) -> Library:
     ("textures", "lobes"),           # bitmaps and checkerboards
     ("motion_blur", "cosine"),       # shapes that move and turn
     ("depth_of_field", "uniform"),   # a lens
+    ("traps/ground", "mixture"),     # a sphere whose radius is a thousand
+    ("traps/far_camera", "cosine"),  # a camera seven hundred units away
 ])
 def test_the_right_shader_is_accused_of_nothing(scene: str, strategy: str) -> None:
     """And every question that the scene gives reason for was asked."""
@@ -57,7 +61,8 @@ def test_the_right_shader_is_accused_of_nothing(scene: str, strategy: str) -> No
     ("seed-ignores-sample", "seed"), ("passes-overlap", "pass"), ("jitter-half-wide", "film"),
     ("camera-fov-half-percent", "camera"), ("viewer-direction-sign", "arguments"), ("sphere-far-root", "distance"),
     ("deep-paths-see-through", "branch"), ("diffuse-drawn-as-lobe", "lobe"), ("azimuth-not-closed", "azimuth"),
-    ("lobe-pdf-half-percent", "pdf"), ("mixture-weights-swapped", "weight"), ("epsilon-inwards", "offset"),
+    ("selection-reuses-number", "lobe"), ("lobe-pdf-half-percent", "pdf"), ("mixture-weights-swapped", "weight"),
+    ("epsilon-inwards", "offset"),
     ("radiance-not-reset", "radiance"), ("sample-lost", "counted"), ("display-gamma", "display"),
 ])
 def test_mutants_are_named_with_their_function(spheres: CoupledSteps, mutant: str, stage: str) -> None:
@@ -76,6 +81,28 @@ def test_a_mutant_that_moves_is_seen_where_it_moves() -> None:
     [seeded] = choose(CATALOGUE, ["motion-turns-back"])
     found = examined(CoupledSteps(SceneFile.bundled("motion_blur", SIZE)), "mixture", mutated(seeded))
     assert (found.stage, found.places[0].function) == ("pose", "screw_pose")
+
+
+@pytest.mark.parametrize(("scene", "mutant", "stage", "function"), [
+    ("traps/seam", "environment-not-wrapped", "light", "environment_texel"),
+    ("traps/grazing", "below-horizon-flipped", "direction", "sample_phong"),
+])
+def test_traps_show_what_other_scenes_hide(scene: str, mutant: str, stage: str, function: str) -> None:
+    """What happens to few paths is named where it happens to many; whoever changes a direction after it was drawn is
+    told from who draws it."""
+    [seeded] = choose(CATALOGUE, [mutant])
+    found = examined(CoupledSteps(SceneFile.bundled(scene, SIZE)), "mixture", mutated(seeded))
+    assert (found.stage, found.places[0].function) == (stage, function)
+
+
+def test_one_hit_that_no_rounding_explains_is_enough() -> None:
+    """A disk half a percent too small: as few paths as edges part, but no ray beside theirs meets what they met."""
+    [seeded] = choose(CATALOGUE, ["disk-edge-left-out"])
+    with opened(CoupledSteps(SceneFile.bundled("area_lights", (48, 36))), "mixture", mutated(seeded)) as case:
+        answers = examine(case, 2).answers["hit"]
+        found = diagnose(case)
+    assert 0 < answers.certain <= answers.first <= 8
+    assert found.stage == "hit" and found.places[0].function == "hit_disk"
 
 
 def test_a_shift_too_small_for_one_vertex_shows_over_all(spheres: CoupledSteps) -> None:
@@ -115,14 +142,55 @@ class TestStranger:
         """Its own numbers, and a sphere half a percent too large."""
         [seeded] = choose(CATALOGUE, ["sphere-half-percent-larger"])
         found = examined(spheres, "mixture", mutated(seeded, VARIANTS["other-hash"]))
-        assert found.stage == "distance" and found.places[0].function == "hit_sphere"
+        assert found.stage in ("hit", "distance") and found.places[0].function == "hit_sphere"
 
-    def test_scattering_is_tested_by_where_it_sends_light(self, spheres: CoupledSteps) -> None:
-        """A sampler of one's own whose lobe has the exponent 2 α: no direction is compared, all of them are."""
-        library = exchanged(VARIANTS["lobe-by-the-other-end"], "lib/sampling.glsl", "1.0 / (alpha + 1.0)",
-                            "1.0 / (2.0 * alpha + 1.0)")
+    def test_draws_its_terms_by_the_numbers_that_it_took(self, spheres: CoupledSteps) -> None:
+        """Whichever they are: a lobe that is chosen a tenth too seldom is named, with no statistics."""
+        library = VARIANTS["other-hash"].with_line("lib/phong.glsl", "bool glossy = rand() < m.p_glossy;",
+                                                   "bool glossy = rand() < 0.9 * m.p_glossy;")
         found = examined(spheres, "mixture", library)
-        assert found.scatter is not None and found.scatter.fails and found.stage == "weight"
+        assert (found.stage, found.places[0].function, found.scatter) == ("lobe", "sample_phong", None)
+
+    @pytest.mark.parametrize("name", ["other-hash", "numbers-in-another-order", "term-by-the-other-end"])
+    def test_may_draw_a_lobe_that_is_as_wide_as_the_diffuse_term(self, ladder: CoupledSteps, name: str) -> None:
+        """Of an exponent of 1 the direction does not tell the term, and the terms' weights differ."""
+        assert examined(ladder, "lobes", VARIANTS[name]).stage is None
+
+    def test_sampler_is_tested_by_how_often_it_draws_which_direction(self, spheres: CoupledSteps) -> None:
+        """A sampler of one's own whose lobe has the exponent 8 α: its weights are right, its directions are not."""
+        library = exchanged(VARIANTS["lobe-by-the-other-end"], "lib/sampling.glsl", "1.0 / (alpha + 1.0)",
+                            "1.0 / (8.0 * alpha + 1.0)")
+        found = examined(spheres, "mixture", library)
+        assert found.scatter is not None and found.scatter.fails
+        assert (found.stage, found.places[0].function) == ("direction", "sample_lobe")
+
+    @pytest.mark.parametrize(("weight", "stage"), [("PI", None), ("1.5", "weight")])
+    def test_density_is_its_own_affair_but_not_the_light_that_it_scatters(self, spheres: CoupledSteps, weight: str,
+                                                                          stage: str | None) -> None:
+        """Drawn by the cosine where the strategy is uniform: right with the weight that belongs to that."""
+        text = (data_dir("glsl") / "lib" / "phong.glsl").read_text(encoding="utf-8")
+        for old, new in (("l = sample_uniform(n,", "l = sample_cosine(n,"),
+                         ("(max(cos_l, 0.0) / INV_TWO_PI)", f"(cos_l > 0.0 ? {weight} : 0.0)")):
+            assert text.count(old) == 1
+            text = text.replace(old, new)
+        library = OURS.with_files(OwnFile("lib/phong.glsl", text, "lib/phong.glsl"))
+        found = examined(spheres, "uniform", library)
+        assert found.stage == stage and len(found.notes) == 2
+        assert found.scatter is not None and found.scatter.fails == (stage is not None)
+
+    def test_is_observed_once_for_all_that_is_asked_of_it(self, spheres: CoupledSteps,
+                                                          monkeypatch: pytest.MonkeyPatch) -> None:
+        """Also where it is settled first what of it is its own."""
+        observed: list[int] = []
+        observe = Tap.observe
+
+        def counted(tap: Tap, look: Look, *rest: Any) -> Observed:
+            observed.append(look.first)
+            return observe(tap, look, *rest)
+
+        monkeypatch.setattr(Tap, "observe", counted)
+        assert examined(spheres, "mixture", VARIANTS["other-hash"]).stage is None
+        assert observed.count(FIRST) == 1
 
     def test_held_to_ours_is_accused_at_once(self, spheres: CoupledSteps) -> None:
         found = examined(spheres, "mixture", VARIANTS["other-hash"], strict=True)

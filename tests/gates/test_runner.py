@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from harness.errors import HarnessError, ShaderError
 from harness.estimators.tracer import Tracer
-from harness.gates import Gate, References, run_gate
+from harness.gates import Gate, run_gate
 from harness.gates.runner import opened
-from harness.reference.renderer import ReferenceRenderer
-from harness.samples.estimate import Batch, Estimate, merge, with_luminance
-from harness.samples.exr import write_estimate
-from harness.samples.store import Store
+from harness.samples.estimate import Batch
 from harness.scene import SceneFile
 from harness.shader.source import ShaderSource
-from harness.stats.tiles import TileAccumulator
-from harness.work.run import Run, tiles_of
+from harness.work.run import Run
 from tests.support.fakes import NoiseRenderer
-from tests.support.gates import GATES, SKY, Noise, judging, one_gate, write
+from tests.support.gates import GATES, SKY, Noise, judging, one_gate, with_own
 
 
 @pytest.fixture
@@ -128,82 +123,6 @@ class TestBudget:
         assert found["mean"] < found["coarse"] < found["fine"]
 
 
-class TestReference:
-    """Mitsuba's, a file's, a closed form's."""
-
-    def test_of_mitsuba_is_rendered_once_for_gates_of_one_scene(
-        self, gate: Gate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    ) -> None:
-        """And not at all in a second run, for it is kept. Looks see as many of its replicas as of the test's."""
-        calls: list[tuple[int, int, int]] = []
-        made: list[object] = []
-
-        class Fake(NoiseRenderer):
-            def __init__(self, scene: SceneFile, integrator: str, **options: object) -> None:
-                super().__init__(0.5, 0.01, (40, 40))
-                self.calls = calls
-                made.append(self)
-
-            def release(self) -> None:
-                pass
-
-        monkeypatch.setattr("harness.estimators.mitsuba.ReferenceRenderer", Fake)
-        gates_file = write(tmp_path, GATES.replace("{ value = [0.5, 0.5, 0.5] }", "{ spp = 4 }"))
-        gate = one_gate(tmp_path, gates_file.read_text())
-        references = References(Store(tmp_path / "store"))
-        first = run_gate(judging(gate, Noise()), references)
-        run_gate(judging(gate, Noise(name="uniform")), references)
-        assert calls == [(replica, 0, 4) for replica in range(16)]
-        assert len(made) == 1
-        assert first.looks[0].reference_samples == 64
-        run_gate(judging(gate, Noise(gate.tolerance.mean)), References(Store(tmp_path / "store")))
-        assert calls == [(replica, 0, 4) for replica in range(64)]
-
-    def test_of_a_file_counts_with_its_variance(self, tmp_path: Path) -> None:
-        truth = merge(NoiseRenderer(0.5, 0.1, (40, 40)).render_batch(99, k, 4) for k in range(32))
-        write_estimate(tmp_path / "truth.exr", truth)
-        gate = one_gate(tmp_path, GATES.replace("value = [0.5, 0.5, 0.5]", 'file = "truth.exr"'))
-        result = run_gate(judging(gate, Noise(sigma=0.001)))
-        width = (result.verdict.mean.high - result.verdict.mean.low)[0, 0]
-        assert result.looks[0].reference_samples == 128
-        # Student's interval from the 32 batches' variance, at the first look's share of the level.
-        np.testing.assert_allclose(width / 2, 2.6 * np.sqrt(truth.image_variance) / 0.5, rtol=0.35)
-
-    def test_of_a_file_without_variance_is_refused(self, tmp_path: Path) -> None:
-        one = merge([NoiseRenderer(0.5, 0.1, (40, 40)).render_batch(0, 0, 4)])
-        write_estimate(tmp_path / "truth.exr", one)
-        gate = one_gate(tmp_path, GATES.replace("value = [0.5, 0.5, 0.5]", 'file = "truth.exr"'))
-        with pytest.raises(HarnessError, match=r"gate 'sky': the reference truth\.exr carries no variance"):
-            run_gate(judging(gate, Noise()))
-
-    def test_of_an_exact_file_is_exact(self, tmp_path: Path) -> None:
-        write_estimate(tmp_path / "truth.exr", Estimate.exact(np.full((40, 40, 3), 0.5)))
-        gate = one_gate(tmp_path, GATES.replace("value = [0.5, 0.5, 0.5]", 'file = "truth.exr"'))
-        assert run_gate(judging(gate, Noise())).looks[0].reference_samples == 0
-
-    def test_of_another_size_is_refused(self, tmp_path: Path) -> None:
-        write_estimate(tmp_path / "truth.exr", Estimate.exact(np.full((20, 40, 3), 0.5)))
-        gate = one_gate(tmp_path, GATES.replace("value = [0.5, 0.5, 0.5]", 'file = "truth.exr"'))
-        with pytest.raises(HarnessError, match="is 40 x 20, expected 40 x 40; render both at the same size"):
-            run_gate(judging(gate, Noise()))
-
-    def test_pseudo_batches_have_the_moments_of_the_batches(self) -> None:
-        """Tile by tile exactly, and over the whole image as independent pixels have them."""
-        renderer = NoiseRenderer(0.5, 0.3, (41, 30))
-        batches = [renderer.render_batch(0, k, 4) for k in range(64)]
-        accumulator = TileAccumulator(4)
-        for batch in batches:
-            accumulator.add(with_luminance(batch.mean), batch.samples)
-        real, made = accumulator.samples(), tiles_of(merge(batches), 4)
-        np.testing.assert_allclose(made.moments().mean, real.moments().mean, rtol=1e-6)
-        # Pixels' variances add up; that of the tile by its own batches scatters about it.
-        ratio = made.moments().variance / real.moments().variance
-        assert np.median(ratio) == pytest.approx(1, abs=0.1)
-        whole = made.whole().moments()
-        np.testing.assert_allclose(whole.mean, real.whole().moments().mean, rtol=1e-6)
-        np.testing.assert_allclose(whole.variance[..., :3], 0.09 / (64 * 4 * 41 * 30), rtol=0.6)
-
-
 class TestShader:
     """The gate's own shader in place of ours."""
 
@@ -277,103 +196,10 @@ class TestShader:
         assert str(caught.value).startswith(f"{tmp_path / 'own.frag'}{message}")
 
 
-class TestContract:
-    """Shaders that do not do what the ping-pong contract asks: a fail that says what they do instead."""
-
-    @pytest.mark.parametrize(("sum_", "told"), [
-        ("vec4(0.5, 0.5, 0.5, 1.0)", "24000 of 25600 samples were not finite, or not counted in alpha; to"),
-        ("before + vec4(0.5, 0.5, 0.5, 0.0) * k", "25600 of 25600 samples were not finite, or not counted"),
-        ("before + vec4(0.5, 0.5, 0.5, 2.0) * k", "25600 of 25600 samples were not finite, or not counted"),
-        ("before + vec4(1e30, 0.0, 0.0, 1e-30) * k", "25600 of 25600 samples were not finite, or not counted"),
-        ("before + vec4(0.5, 0.5, 0.5 / (before.a - before.a), 1.0) * k", "25600 of 25600 samples were not finite")])
-    def test_alpha_is_the_number_of_samples(self, gate: Gate, tmp_path: Path, sum_: str, told: str) -> None:
-        own = with_own(small(gate, 10), shader=own_shader(tmp_path, f"sum = {sum_};"))
-        result = run_gate(dataclasses.replace(own, spp=16, replicas=64))
-        assert result.outcome == "fail"
-        assert result.reason.startswith(told)
-        assert np.isfinite(result.test.mean).all()
-
-    def test_replicas_differ(self, gate: Gate, tmp_path: Path) -> None:
-        """A seed without the replica looks like noiseless samples: their error would be taken for a bias."""
-        for seed, told in (
-            ("first_sample", "all replicas are one image, which is not without noise: the seed leaves out `replica`"),
-            ("40503u * uint(numpass)", "one image, which is not without noise: the seed leaves out `replica`"),
-            ("0u", "; all batches are one image: without noise, or from a seed without `first_sample` and `replica`"),
-            ("first_sample + 977u * replica", "")):
-            noise = f"vec3(fract(float(pixel * 2654435761u ^ ({seed}) * 40503u) * 2.3283e-10))"
-            shader = own_shader(tmp_path, "uint pixel = uint(gl_FragCoord.x) + 40u * uint(gl_FragCoord.y);"
-                                          f"sum = before + vec4(0.502 + 0.1 * ({noise} - 0.5), 1.0) * k;")
-            result = run_gate(with_own(small(gate, 10), shader=shader))
-            assert result.outcome == "fail"
-            assert told in result.reason
-            assert ("one image" in result.reason) == bool(told)
-
-    @pytest.mark.parametrize("sigma", [0.001, 0.01, 3.0])
-    def test_any_two_replicas_differ(self, gate: Gate, sigma: float) -> None:
-        """Whatever the verdict and the budget would say: passing, failing and hopeless alike are told of equal ones."""
-        class Repeating(NoiseRenderer):
-            def render_batch(self, replica: int, *arguments: int, **options: Any) -> Batch:
-                return super().render_batch(min(replica, 3), *arguments, **options)
-
-        result = run_gate(judging(gate, Repeating(0.5, sigma, (40, 40))))
-        assert (result.outcome, len(result.looks)) == ("fail", 1)
-        assert result.reason.startswith("replicas 3 and 4 are one image, and of 16 replicas only 4 differ, which is "
-                                        "not without noise: the seed leaves out `replica`")
-
-    @pytest.mark.parametrize("noisy", [0, 31, 32])
-    def test_replicas_without_noise_may_be_equal(self, gate: Gate, noisy: int) -> None:
-        """And those that differ in a few pixels may be so by chance."""
-        sigma = np.zeros((40, 40, 1))
-        sigma.ravel()[:noisy] = 0.01
-
-        class Repeating(NoiseRenderer):
-            def render_batch(self, replica: int, *arguments: int, **options: Any) -> Batch:
-                return super().render_batch(min(replica, 3), *arguments, **options)
-
-        result = run_gate(judging(gate, Repeating(0.5, sigma, (40, 40))))
-        assert result.outcome == ("fail" if noisy == 32 else "pass"), result.reason
-
-    def test_count_before_the_budget(self, gate: Gate, tmp_path: Path) -> None:
-        """The handout draws one sample a pass: to advise 64 times the samples would help nobody."""
-        noise = "vec3(fract(sin(dot(gl_FragCoord.xy, vec2(12.9, 78.2)) + float(replica + first_sample)) * 43758.5))"
-        shader = own_shader(tmp_path, f"sum = before + vec4(50.0 * ({noise} - 0.5) + 0.5, 1.0);")
-        result = run_gate(dataclasses.replace(with_own(small(gate, 10), shader=shader), spp=16, replicas=64))
-        assert (result.outcome, len(result.looks)) == ("fail", 1)
-        assert "or not counted in alpha; to what pingpong0 holds" in result.reason
-        assert "one sample a pass is too few" in result.reason
-
-    def test_a_wrong_count_of_more_samples_is_no_noise(self, gate: Gate, tmp_path: Path) -> None:
-        """This one is right in a single pass, as a gate of one sample draws it."""
-        shader = own_shader(tmp_path, "sum = k * float(3 * numpass + 1) * vec4(0.25, 0.25, 0.25, 1.0);")
-        result = run_gate(with_own(small(gate, 10), shader=shader))
-        assert result.outcome == "fail" and "which is not without noise" not in result.reason
-
-    @pytest.mark.parametrize(("sum_", "spp", "told"), [
-        ("vec4(vec3(0.5), before.a + k)", 16, "1/16"), ("vec4(vec3(0.5), before.a + k)", 300, "1/300"),
-        ("before + vec4(vec3(0.25), 1.0) * k", 64, "")])
-    def test_a_mean_is_no_sum(self, gate: Gate, tmp_path: Path, sum_: str, spp: int, told: str) -> None:
-        """The mean in place of the sum; half the sum is another story."""
-        shader = own_shader(tmp_path, f"sum = {sum_};")
-        result = run_gate(dataclasses.replace(with_own(small(gate, 10), shader=shader), spp=spp, replicas=16))
-        assert result.outcome == "fail"
-        assert ("as where a mean is stored for a sum: pingpong0's rgb" in result.reason) == bool(told)
-        assert f" is {told} - 1, " in result.reason or not told
-
-
-def with_own(gate: Gate, **own: Path) -> Gate:
-    """The gate with somebody's own `shader`, or `folder` of files, under test."""
-    return dataclasses.replace(gate, test=Tracer(gate.strategy, **own))  # type: ignore[arg-type]
-
-
 def source(gate: Gate) -> ShaderSource:
     """The shader that the gate judges."""
     assert isinstance(gate.test, Tracer)
     return gate.test.source(gate.scene)
-
-
-def small(gate: Gate, side: int) -> Gate:
-    """The gate at another size."""
-    return dataclasses.replace(gate, scene=gate.scene.sized(side, side))
 
 
 def own_file(folder: Path, name: str, content: bytes) -> Path:
@@ -381,20 +207,6 @@ def own_file(folder: Path, name: str, content: bytes) -> Path:
     path = folder / "own" / name
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
-    return path
-
-
-def own_shader(folder: Path, body: str) -> Path:
-    """A whole shader: `before` is what was there, `k` the number of samples to add, `sum` the result."""
-    path = folder / "own.frag"
-    path.write_text("""uniform sampler2D pingpong0; uniform int numpass; uniform int samples_per_pass;
-        uniform uint first_sample; uniform uint replica;
-        layout(location = 0) out vec4 sum;
-        void main() {
-            vec4 before = numpass > 0 ? texelFetch(pingpong0, ivec2(gl_FragCoord.xy), 0) : vec4(0.0);
-            float k = float(samples_per_pass);
-            BODY
-        }""".replace("BODY", body))
     return path
 
 
@@ -419,44 +231,3 @@ def test_a_run_grows_and_keeps_its_order() -> None:
     long.grow(9)
     np.testing.assert_array_equal(short.tiles(3).means, long.tiles(3).means)
     assert long.estimate().samples == 18
-
-
-def test_mitsubas_reference_is_what_gates_are_held_against(tmp_path: Path) -> None:
-    """End to end once: the tracer's shader and Mitsuba on one scene, which is exact for both."""
-    gate = one_gate(tmp_path, GATES.replace("{ value = [0.5, 0.5, 0.5] }", "{ spp = 2 }"))
-    with References() as references:
-        result = run_gate(gate, references)
-        assert result.outcome == "pass"
-        run = references.of(gate)
-        assert isinstance(run, Run) and run.renderer.identity["renderer"] == "mitsuba"
-
-
-def test_one_of_mitsubas_scenes_is_held_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was drawn of the others is kept, and more can be."""
-    living: list[ReferenceRenderer] = []
-
-    class Watched(ReferenceRenderer):
-        def __init__(self, *arguments: Any, **options: Any) -> None:
-            super().__init__(*arguments, **options)
-            living.append(self)
-
-        def release(self) -> None:
-            super().release()
-            living.remove(self)
-
-    monkeypatch.setattr("harness.estimators.mitsuba.ReferenceRenderer", Watched)
-    first = one_gate(tmp_path, GATES.replace("{ value = [0.5, 0.5, 0.5] }", "{ spp = 2 }"))
-    second = small(first, 20)
-    references, sizes = References(), []
-    runs = [references.of(gate) for gate in (first, second)]
-    for run in runs:
-        run.grow(1)
-        sizes.append([renderer.scene.size for renderer in living])
-    assert sizes == [[(40, 40)], [(20, 20)]]
-    references.close()
-    assert living == []
-    assert references.of(first) is runs[0]
-    runs[0].grow(2)
-    assert runs[0].estimate().samples == 4
-    references.close()
-    assert living == []

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Self
 
 import pytest
 
 from harness.errors import HarnessError
 from harness.files import data_dir
 from harness.gpu.context import Program
+from harness.mutants import runner
 from harness.mutants.catalogue import Mutant, choose, load_catalogue, mutated
 from harness.mutants.matrix import KillMatrix, as_json
+from harness.mutants.memory import Memory
 from harness.mutants.runner import MODULE_FOLDERS, Gates, run_mutants
 from harness.shader.library import GENERATED, OURS
 
@@ -174,6 +178,32 @@ class TestRun:
         (tmp_path / "wrong.toml").write_text(wrong, encoding="utf-8")
         with pytest.raises(HarnessError, match=r"wrong\.toml:\d+: gate 'convex' does not pass with the shader as"):
             run_mutants([seeded()], Gates.of(tmp_path / "wrong.toml", TESTS))
+
+    def test_what_was_judged_is_kept_and_read_back(self, gates: Gates, tmp_path: Path,
+                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+        """One that is already known is not judged again, nor is a gate checked for it; a damaged one is no answer."""
+        monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
+        first = run_mutants([seeded()], gates, store=tmp_path / "batches")
+
+        class Idle:
+            def __enter__(self) -> Self:
+                return self
+
+            def __exit__(self, *error: object) -> None:
+                pass
+
+            def map(self, work: object, items: Iterable[object]) -> Iterator[object]:
+                assert list(items) == [], "judged again"
+                return iter(())
+
+        monkeypatch.setattr(runner, "executor", lambda *arguments: Idle())
+        assert run_mutants([seeded()], gates, store=tmp_path / "batches") == first
+        memory = Memory((), gates.file, ())
+        assert memory.recall(seeded()) is None, "other gates"
+        kept, = (tmp_path / "mutants").iterdir()
+        kept.write_text('{"convex": "kill', encoding="utf-8")
+        with pytest.raises(AssertionError, match="judged again"):
+            run_mutants([seeded()], gates, store=tmp_path / "batches")
 
     def test_a_mutant_that_names_no_gate_is_an_error(self, gates: Gates) -> None:
         with pytest.raises(HarnessError, match="mutant 'x' names the gate 'konvex', which does not exist; choose"):

@@ -10,6 +10,7 @@ import pytest
 
 from harness.errors import HarnessError, SceneError
 from harness.reference import ReferenceRenderer
+from harness.reference.prepare import prepare
 from harness.scene import SceneFile, load
 
 SENSOR = """<sensor type="perspective"><float name="fov" value="40"/>
@@ -103,3 +104,24 @@ def test_words_of_ours_beside_what_we_do_not_know_are_refused(mi: Any, tmp_path:
     with pytest.raises(SceneError, match="bsdf 'dielectric' is not supported"):
         ReferenceRenderer(write(tmp_path, """<shape type="sphere"><bsdf type="dielectric"/></shape>
             <shape type="displacedsphere"/>"""))
+
+
+@pytest.mark.parametrize(("scale", "shift", "told"), [(1.0, 0.0, False), (0.001, 0.0, True), (1.0, 1000.0, True)],
+                         ids=["ordinary", "tiny", "far"])
+def test_a_scene_of_a_scale_that_mitsuba_cannot_keep_is_warned_of(mi: Any, tmp_path: Path, scale: float, shift: float,
+                                                                  told: bool, caplog: pytest.LogCaptureFixture) -> None:
+    """Our tracer does not read glass, so the scene cannot be moved into a frame of its own."""
+    sensor = SENSOR.replace('origin="0,0,4" target="0,0,0"', f'origin="{shift},0,{4 * scale}" target="{shift},0,0"')
+    sensor = sensor.replace("</sensor>", '<float name="near_clip" value="1e-5"/></sensor>')
+    (tmp_path / "scene.xml").write_text(
+        f'<scene version="3.0.0">{PATH}{sensor}{SKY}<shape type="sphere"><point name="center" x="{shift}" y="0" z="0"/>'
+        f'<float name="radius" value="{scale}"/><bsdf type="dielectric"/></shape></scene>', encoding="utf-8")
+    prepare(SceneFile(tmp_path / "scene.xml"))
+    assert ("lifts rays off surfaces" in caplog.text) == told
+
+
+def test_a_scene_of_which_nothing_is_seen_is_not(mi: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Where no ray meets anything there is no width."""
+    prepare(write(tmp_path, '<shape type="sphere"><point name="center" x="90" y="0" z="0"/><bsdf type="dielectric"/>'
+                            '</shape>'))
+    assert "lifts rays" not in caplog.text

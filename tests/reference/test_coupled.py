@@ -109,6 +109,17 @@ def test_a_batch_is_the_mean_of_its_samples_however_they_are_divided(monkeypatch
     assert np.abs(other / whole - 1).mean() > 1e-2
 
 
+def test_a_batch_knows_the_largest_of_its_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of every pixel and channel, over blocks of samples too."""
+    monkeypatch.setattr("harness.reference.coupled.BLOCK", 4)
+    with Coupled("mixture").open(SceneFile.bundled("spheres", (12, 9))) as oracle:
+        found = oracle.render_batch(2, 3, 6).largest
+        singles = [oracle.render_batch(2, 3 + k, 1).mean for k in range(6)]
+    assert found is not None and found.dtype == np.float32
+    np.testing.assert_allclose(found, np.max(singles, axis=0), rtol=1e-6)
+    assert (found > np.mean(singles, axis=0)).any()
+
+
 def test_depth_is_counted_as_in_the_file() -> None:
     """`max_depth` 1 is emission seen directly, and the file's own stands where none is given."""
     scene = SceneFile.bundled("furnace_cube", (8, 8))

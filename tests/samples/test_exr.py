@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import os
 from pathlib import Path
@@ -104,6 +105,15 @@ class TestBatches:
         np.testing.assert_array_equal(found.mean, batch.mean)
         assert found.mean.dtype == np.float32
         assert (found.samples, found.rejected, found.cost) == (8, 2, COST)
+        assert found.largest is None
+
+    def test_the_largest_samples_come_along(self, tmp_path: Path, batch: Batch) -> None:
+        largest = (batch.mean * np.float32(3)).astype(np.float32)
+        write_batch(tmp_path / "a.exr", dataclasses.replace(batch, largest=largest), compact=True)
+        found = read_batch(tmp_path / "a.exr")
+        assert found.largest is not None and found.largest.dtype == np.float32
+        np.testing.assert_array_equal(found.largest, largest)
+        np.testing.assert_array_equal(found.mean, batch.mean)
 
     @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (33, 2), (192, 256)])
     def test_compact_ones_keep_every_bit(

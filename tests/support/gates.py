@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from harness.estimators.base import Estimator, Renderer
+from harness.estimators.tracer import Tracer
 from harness.gates import Gate, load_gates
 from harness.scene import SceneFile
 from tests.support.fakes import NoiseRenderer
@@ -86,3 +87,13 @@ class Opens:
 def judging(gate: Gate, test: Estimator | Renderer) -> Gate:
     """The gate with something else under test: an estimator, or a ready renderer."""
     return replace(gate, test=test if hasattr(test, "open") else Opens(test))  # type: ignore[arg-type]
+
+
+def with_own(gate: Gate, **own: Path) -> Gate:
+    """The gate with somebody's own `shader`, or `folder` of files, under test."""
+    return replace(gate, test=Tracer(gate.strategy, **own))  # type: ignore[arg-type]
+
+
+def small(gate: Gate, side: int) -> Gate:
+    """The gate at another size."""
+    return replace(gate, scene=gate.scene.sized(side, side))

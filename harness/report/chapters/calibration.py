@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from harness.report import formats
-from harness.report.blocks import Asset, Cell, Chapter, Column, Curves, Mark, Paragraph, Remark, Remarks, Table
+from harness.report.blocks import Asset, Block, Cell, Chapter, Column, Curves, Mark, Paragraph, Remark, Remarks, Table
 from harness.report.figures.power import power_svg
 from harness.report.inputs import Inputs
-from harness.report.suite import suite_blocks
+from harness.report.suite import PLACES, suite_blocks
 from harness.stats.calibration import SUBJECTS, Calibration, FalseAlarms, Power, by_case
-from harness.stats.rates import Rate
+from harness.stats.rates import Rate, Where
 
 PLACE = 40
 TITLE, ANCHOR = "How far the verdicts can be trusted", "calibration"
@@ -25,7 +25,7 @@ def chapters(inputs: Inputs) -> Iterator[Chapter]:
         calibration = inputs.calibration
         yield Chapter(TITLE, ANCHOR, (
             Paragraph(_introduction(calibration)), Remarks(_remarks(calibration)), _table(calibration),
-            _power(calibration), *suite_blocks(calibration.suite)))
+            _power(calibration), *_coupled(calibration), *suite_blocks(calibration.suite)))
 
 
 def _introduction(calibration: Calibration) -> str:
@@ -74,6 +74,42 @@ def _table(calibration: Calibration) -> Table:
     columns = (Column("Case", share=1), Column("Asked", "right"),
                *(Column(subject.capitalize().replace(" ", "\n", 1), "right") for subject in SUBJECTS))
     return Table(caption, columns, tuple(rows), tuple(rules))
+
+
+def _coupled(calibration: Calibration) -> tuple[Block, ...]:
+    """What became of pairs that share their random numbers: a row a plan and a bias."""
+    if not calibration.coupled:
+        return ()
+    cases: dict[tuple[str, Where], list[Power]] = {}
+    for each in calibration.coupled:
+        cases.setdefault((each.case, each.where), []).append(each)
+    rows: list[tuple[Cell, ...]] = []
+    rules: list[int] = []
+    for (case, where), powers in cases.items():
+        if where == "everywhere":
+            rules.append(len(rows))
+        head = (Cell(f"{case.removeprefix('coupled: ')}: {calibration.cases[case].partition(', ')[2]}",
+                     rows=sum(len(each) for (name, _), each in cases.items() if name == case)),)
+        for index, each in enumerate(powers):
+            place = (Cell(PLACES[where], rows=len(powers)),) if index == 0 else ()
+            rows.append((*(head if index == 0 and where == "everywhere" else ()), *place,
+                         Cell(_millionths(each.gain)), Cell(formats.number(each.gain / each.tolerance, 1)),
+                         *(Cell(formats.percent(hits / each.trials, decimals=0, unit=False))
+                           for hits in (each.passed, each.failed)),
+                         Cell(formats.percent(each.share, decimals=0, unit=False))))
+    caption = (
+        "Verdicts on differences, of made-up pairs that share their random numbers, of which 2 samples in a million "
+        f"part: what became of biases, in percent of {formats.count(calibration.coupled[0].trials)} comparisons; the "
+        "others were undecided. A pass allows for partings that no sample has shown yet, for which few samples of a "
+        "smaller tile leave no room. Bias: in parts in a million, and in tolerances, of the mean or of a smaller tile.")
+    columns = (Column("Replicas, tolerances", share=1), Column("Bias"), Column("In 10⁶", "right"),
+               Column("In\ntolerances", "right"), Column("Passed", "right"), Column("Failed", "right"),
+               Column("Budget\nin %", "right"))
+    return (Table(caption, columns, tuple(rows), tuple(rules), long=True),)
+
+
+def _millionths(value: float) -> str:
+    return formats.significant(1e6 * value, 2) if value else "0"
 
 
 def _alarm_cell(alarms: FalseAlarms) -> Cell:

@@ -28,6 +28,7 @@ from harness.report.figures import pictures
 from harness.report.figures.style import strategy_style
 from harness.report.inputs import Inputs
 from harness.results import AutopsyScore, CoupledRecord, NamedMutant
+from harness.studies.oracle import OracleFile, OracleTiles
 
 PLACE = 45
 TITLE, ANCHOR = "Under the microscope", "microscope"
@@ -40,11 +41,14 @@ _RULE_OF_THREE = 3
 
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
-    """The chapter, where a scene was compared path by path or autopsies were made."""
+    """The chapter, where a scene was compared path by path, or its oracle with `path`, or autopsies were made."""
     blocks: list[Block] = []
     if inputs.coupled:
         blocks += [Paragraph(_introduction(inputs.coupled)), Remarks(_remarks(inputs)), _table(inputs.coupled),
                    _maps(inputs)]
+    if inputs.oracle is not None and inputs.oracle.records:
+        blocks += [Heading("The oracle itself"), Paragraph(_oracle_words(inputs.oracle)),
+                   Remarks(_oracle_remarks(inputs.oracle)), _oracle_table(inputs.oracle)]
     if inputs.autopsies is not None:
         score = inputs.autopsies
         blocks += [Heading("Autopsies"), Paragraph(_autopsy_words()), Remarks(_autopsy_remarks(score)),
@@ -159,6 +163,55 @@ def _millionths(error: float, low: float, high: float) -> str:
     decimals = 2 if half < 1 else 1 if half < 100 else 0
     value, down, up = (formats.number(1e6 * each, decimals, sign=True) for each in (error, low, high))
     return f"{value}{formats.NBSP}[{down},{formats.NBSP}{up}]"
+
+
+def _oracle_words(found: OracleFile) -> str:
+    versions = formats.words([f"{name} {found.versions[name]}" for name in ("mitsuba", "drjit")])
+    seconds = formats.duration(sum(record.seconds for record in found.records))
+    return (
+        "What tracer and oracle have in common, the generator and the directions made of its numbers, cancels in their "
+        "difference, right or wrong. So the oracle is held against Mitsuba's own path integrator as well, each with "
+        f"random numbers of its own, once and at length: for {seconds} of CPU time, on {found.date}, with {versions}. "
+        "The command harness oracle does it again.")
+
+
+def _oracle_remarks(found: OracleFile) -> tuple[Remark, ...]:
+    apart = [record.scene for record in found.records if not record.agrees]
+    scenes = formats.plural(len(found.records), "scene")
+    if apart:
+        return (Remark(f"In {len(apart)} of {scenes} the two differ by more than chance explains: "
+                       f"{formats.words(apart)}.", "fail"),)
+    widest = max((abs(bound) for record in found.records for bound in record.error[1:]), default=0.0)
+    return (Remark(f"In {scenes} nothing differs by more than chance explains, neither the image nor its larger and "
+                   f"its smaller tiles; each mean is within "
+                   f"{formats.significant(100 * widest, 2)}{formats.NBSP}% (95 % confidence).", "pass"),)
+
+
+def _oracle_table(found: OracleFile) -> Table:
+    side = max(max(record.size) for record in found.records)
+    rows = [(Cell(record.scene), Cell(record.strategy), Cell(formats.count(record.spp[0])),
+             Cell(formats.count(record.spp[1])), Cell(_millionths(*record.error)),
+             *(Cell(_deviate(tiles)) for tiles in (record.mean, record.coarse, record.fine)),
+             *(Cell(_sure(tiles)) for tiles in (record.coarse, record.fine)))
+            for record in found.records]
+    caption = (
+        f"The oracle against path. Samples: per pixel, of images at most {side} pixels wide or high. Mean difference: "
+        "in luminance, relative, in parts in a million, with its 95 % interval. Deviate: of the mean, and the clearest "
+        "of all larger and of all smaller tiles, in standard errors; in brackets what chance exceeds in one of a "
+        "hundred such tables. Sure: the bias that the tile in which it is hardest to see was sure (95 %) to show.")
+    columns = (Column("Scene", share=1), Column("Strategy"), Column("Samples,\noracle", "right"),
+               Column("path", "right"), Column("Mean difference\nin a million", "right"),
+               Column("Deviate,\nmean", "right"), Column("larger\ntiles", "right"), Column("smaller\ntiles", "right"),
+               Column("Sure,\nlarger", "right"), Column("smaller\ntiles", "right"))
+    return Table(caption, columns, tuple(rows), (0,), long=True)
+
+
+def _deviate(tiles: OracleTiles) -> str:
+    return f"{formats.number(tiles.deviate, 1, sign=True)}{formats.NBSP}[{formats.number(tiles.critical, 1)}]"
+
+
+def _sure(tiles: OracleTiles) -> str:
+    return f"{formats.significant(100 * tiles.detectable, 2)}{formats.NBSP}%"
 
 
 def _autopsy_words() -> str:

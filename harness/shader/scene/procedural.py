@@ -101,7 +101,7 @@ def evaluation(textures: Mapping[int, Procedural], *, gradient: bool) -> list[st
 
     Its w is t, its xyz the gradient of t along q, or nothing of use where no `gradient` is asked for. The noise is
     written out octave by octave, since a loop of more than about 5 is not unrolled, and its iterations would count
-    among those of the whole shader, of which llvmpipe allows 65,535.
+    among those of the whole shader, of which llvmpipe of Mesa 22 allows 65,535.
     """
     # `precise`, so that compilers do not merge the factors of successive octaves: a steep texture would show the other
     # rounding of the place in a cell. Displaced surfaces are smooth, and met to MARCH_TOLERANCE only.

@@ -67,6 +67,14 @@ def test_the_figure_holds_both_outcomes_and_every_case_without_tolerance() -> No
     assert blocks(chapter(), Curves) == [curves], "the same bytes again"
 
 
+def test_what_became_of_pairs_that_share_their_numbers_is_a_table() -> None:
+    table = blocks(chapter(), Table)[1]
+    assert [[cell.text.replace("\xa0", " ") for cell in row] for row in table.rows] == [
+        ["16 replicas, tight: up to 4096 samples per pixel", "of everything", "0", "0.0", "100", "0", "50"],
+        ["10", "2.0", "0", "95", "50"], ["in 1 % of the image", "250", "0.5", "10", "0", "50"]]
+    assert [cell.rows for cell in table.rows[0][:2]] == [3, 2]
+
+
 class TestSuite:
     """The section on the gates themselves."""
 

@@ -7,12 +7,13 @@ import dataclasses
 import numpy as np
 
 from harness.report import Inputs, formats
-from harness.report.blocks import Chapter, Pictures, Remarks, Table
+from harness.report.blocks import Chapter, Paragraph, Pictures, Remarks, Table
 from harness.report.chapters.microscope import ANCHOR, MAPS, TITLE, chapters
 from harness.report.document import compose
 from harness.report.pages.html import html_page
 from harness.report.pages.typst import typeset
 from harness.results import Acquitted, AutopsyScore, CoupledRecord, NamedMutant
+from harness.studies.oracle import OracleFile, OracleRecord, OracleTiles
 from tests.support.blocks import blocks
 from tests.support.report import exact_study
 
@@ -23,6 +24,9 @@ SCORE = AutopsyScore(
      NamedMutant("a2", "a", "lib/a.glsl", ("f",), "misnamed", "spheres", "mixture", "hit", ("g",), "", 1, 1.5),
      NamedMutant("b1", "b", "lib/b.glsl", ("h",), "missed"), NamedMutant("b2", "b", "lib/b.glsl", ("h",), "unreached")),
     (Acquitted("ours", "spheres", "mixture", "", ()), Acquitted("other", "spheres", "mixture", "", ())))
+ORACLE = OracleFile("2026-11-28", {"mitsuba": "3.9.1", "drjit": "1.5.0"}, (OracleRecord(
+    "spheres", "mixture", (48, 36), (4096, 2048), (2e-5, -4e-5, 8e-5), OracleTiles(0.7, 3.5, 2e-4),
+    OracleTiles(-2.1, 4.3, 2e-3), OracleTiles(3.0, 4.9, 0.015), 100.0, True),))
 
 
 def chapter(*records: CoupledRecord, score: AutopsyScore | None = None) -> Chapter:
@@ -80,8 +84,23 @@ def test_autopsies_are_counted_by_part_and_those_that_are_wrong_named() -> None:
     assert last.mark == "fail" and "other on spheres (normal)" in last.text
 
 
+def test_the_oracle_is_shown_with_its_date_and_what_it_could_not_have_missed() -> None:
+    found, = chapters(Inputs([exact_study()], "quick", oracle=ORACLE))
+    text, = blocks(found, Paragraph)
+    assert "for 100 s of CPU time, on 2026-11-28, with mitsuba 3.9.1 and drjit 1.5.0" in text.text.replace("\xa0", " ")
+    row, = ([cell.text.replace(formats.NBSP, " ") for cell in row] for row in blocks(found, Table)[0].rows)
+    assert row == ["spheres", "mixture", "4,096", "2,048", "+20.0 [−40.0, +80.0]", "+0.7 [3.5]", "−2.1 [4.3]",
+                   "+3.0 [4.9]", "0.20 %", "1.5 %"]
+    remark, = blocks(found, Remarks)[0].items
+    assert remark.mark == "pass" and "each mean is within 0.0080 %" in remark.text.replace("\xa0", " ")
+    apart = dataclasses.replace(ORACLE, records=(dataclasses.replace(ORACLE.records[0], agrees=False),))
+    found, = chapters(Inputs([exact_study()], "quick", oracle=apart))
+    remark, = blocks(found, Remarks)[0].items
+    assert remark.mark == "fail" and remark.text.endswith("explains: spheres.")
+
+
 def test_it_stands_in_the_pdf_and_in_the_page() -> None:
-    document = compose(Inputs([exact_study()], "quick", coupled=[RECORD], autopsies=SCORE))
+    document = compose(Inputs([exact_study()], "quick", coupled=[RECORD], autopsies=SCORE, oracle=ORACLE))
     assert typeset(document).startswith(b"%PDF")
     page = html_page(document)
-    assert f'id="{ANCHOR}"' in page and TITLE in page and "Autopsies" in page
+    assert f'id="{ANCHOR}"' in page and TITLE in page and "Autopsies" in page and "The oracle itself" in page
