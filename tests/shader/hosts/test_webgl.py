@@ -54,7 +54,8 @@ def test_features_of_300_in_the_spelling_of_100(tmp_path: Path) -> None:
 
 
 def test_a_function_of_the_authors_is_none_of_300(tmp_path: Path) -> None:
-    text = ("precision highp float;\nmat2 transpose(mat2 m) { return m; }\nfloat round(\n    in float x) {\n    return x;\n}\n"
+    text = ("precision highp float;\nmat2 transpose(mat2 m) { return m; }\n"
+            "float round(\n    in float x) {\n    return x;\n}\n"
             "void main() { gl_FragColor = vec4(transpose(mat2(1.0))[0].x + round(0.25)); }")
     assert drawn(contract_of(tmp_path, a__frag=text))[0, 0, 0] == 1.25
 
