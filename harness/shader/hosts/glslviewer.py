@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from harness.errors import ShaderError
+from harness.shader.conditionals import preprocess
 from harness.shader.contract import Channel, Contract, Role
 from harness.shader.declarations import declarations, entry
 from harness.shader.hosts.reading import Answers, Dialect, Frame, Given, make_contract, make_pass
@@ -62,7 +63,6 @@ def _sampler(buffer: str) -> str:
 
 
 def _used(text: str, macros: dict[str, str]) -> set[str]:
-    from harness.shader.conditionals import preprocess
     return set(re.findall(r"\bu_\w+", re.sub(r"\buniform\b[^;]*;", "", preprocess(text, macros).text)))
 
 

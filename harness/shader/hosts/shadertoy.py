@@ -51,6 +51,8 @@ _OUTPUT = "layout(location = 0) out vec4 harness_pixel;"
 _TAB = re.compile(r"(?:^|[^a-z])(?:(?P<image>image|main_?image|main)|(?P<common>common)|"
                   r"buf(?:fer)?[ _.-]?(?P<buffer>[a-d]|[0-3]))$")
 
+_LEFT_OUT = re.compile(r"(?:sound|cube[ _-]?map(?:[ _-]?a)?)$", re.IGNORECASE)
+
 
 @dataclass
 class Tab:
@@ -193,6 +195,9 @@ def _tabs(files: Sequence[Given], answers: Answers) -> list[Tab]:
     """Passes from files. No file says what a channel reads, so this is said in a note, and may be said otherwise."""
     named: dict[str, Given] = {}
     for file in files:
+        if len(files) > 1 and _LEFT_OUT.search(file.path.stem):
+            answers.note(f"{file.name}: this pass is left out")
+            continue
         name = tab_of(file) or ("Image" if len(files) == 1 else "")
         if len(files) == 1 and name == "Common":
             name = "Image"

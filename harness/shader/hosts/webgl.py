@@ -23,7 +23,7 @@ _VERSION = re.compile(r"^[ \t]*#[ \t]*version\s+(\d+)\s*(es)?", re.MULTILINE)
 _ES_100 = re.compile(r"\bgl_FragColor\b|\bvarying\b|\btexture2D\b|\bprecision\s+\w+\s+\w+\s*;")
 _ES_300 = re.compile(r"\b(?:uint|uvec[234]|texelFetch|textureSize|floatBitsToUint|uintBitsToFloat|round|trunc|sinh|"
                      r"cosh|inverse|transpose)\s*\(|\buint\s+\w|\buvec[234]\s+\w|\bswitch\s*\(|\d[uU]\b|<<|>>|"
-                     r"^[ \t]*(?:layout\s*\([^)]*\)\s*)?(?:in|out)\s+\w", re.MULTILINE)
+                     r"^[ \t]*(?:layout\s*\([^)]*\)\s*)?(?:in|out)\s+(?:\w+\s+)?\w+\s+\w+\s*;", re.MULTILINE)
 
 
 def holds(files: Sequence[Given]) -> bool:
@@ -37,7 +37,7 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
     if not pieces:
         raise ShaderError(f"{files[0].name}:1: no shader in it (no <script> of a shader's type and no string with void "
                           "main()); name the file that holds one")
-    newer = any(_ES_300.search(_bare(piece.text)) for piece in pieces if "gl_Position" not in piece.text)
+    newer = any(_is_newer(_bare(piece.text)) for piece in pieces if "gl_Position" not in piece.text)
     return contract_of(pieces, "webgl", GLES_300 if newer else GLES_100, answers)
 
 
@@ -45,6 +45,12 @@ def _is_es(text: str) -> bool:
     if found := _VERSION.search(text):
         return found[1] == "100" or bool(found[2])
     return bool(_ES_100.search(text))
+
+
+def _is_newer(text: str) -> bool:
+    """Whether a text has what ES 3.00 brought; a function of that name may be the author's own, for 1.00."""
+    words = {found[0].rstrip("( \t\n") for found in _ES_300.finditer(text)}
+    return any(not re.search(rf"\b\w+\s+{re.escape(word)}\s*\([^;{{}}]*\)\s*\{{", text) for word in words)
 
 
 def _bare(text: str) -> str:

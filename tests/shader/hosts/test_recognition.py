@@ -8,6 +8,7 @@ import pytest
 
 from harness.errors import HarnessError
 from harness.shader.hosts import read
+from harness.shader.hosts.reading import Given
 from harness.shader.hosts.recognition import DIALECTS
 from tests.support.strangers import contract_of, written
 
@@ -31,7 +32,6 @@ def test_a_dialect_is_told_by_its_syntax(tmp_path: Path, name: str, text: str, h
     try:
         found = contract_of(tmp_path, **{name: text}).host
     except HarnessError:
-        from harness.shader.hosts.reading import Given
         given = [Given(path, path.read_text()) for path in tmp_path.iterdir()]
         found = next(dialect.name for dialect in DIALECTS if dialect.holds(given))
     assert found == host

@@ -80,8 +80,8 @@ def test_files_are_tabs_by_their_names(tmp_path: Path, names: tuple[str, str, st
     assert [one.name for one in contract.passes] == ["Buffer A", "Image"] and contract.passes[1].displays
     assert [c.reads for one in contract.passes for c in one.channels] == ["self", "pass:Buffer A"]
     assert sum("iChannel0 is taken to read" in note for note in contract.notes) == 2  # no file says it
-    written(tmp_path, index__html="<script type='x-shader/x-fragment'>void main() { gl_FragColor = vec4(1.0); }\n"
-                                  "</script>")
+    written(tmp_path, Sound__glsl="vec2 mainSound(float t) { return vec2(0.0); }",
+            index__html="<script type='x-shader/x-fragment'>void main() { gl_FragColor = vec4(1.0); }\n</script>")
     assert read([tmp_path]).passes == contract.passes  # a folder, with the page that shows them
 
 

@@ -53,6 +53,13 @@ def test_features_of_300_in_the_spelling_of_100(tmp_path: Path) -> None:
     assert drawn(contract_of(tmp_path, a__frag=text))[0, 0, 0] == 3.0
 
 
+def test_a_function_of_the_authors_is_none_of_300(tmp_path: Path) -> None:
+    text = ("precision highp float;\nmat2 transpose(mat2 m) { return m; }\n"
+            "float round(\n    in float x) {\n    return x;\n}\n"
+            "void main() { gl_FragColor = vec4(transpose(mat2(1.0))[0].x + round(0.25)); }")
+    assert drawn(contract_of(tmp_path, a__frag=text))[0, 0, 0] == 1.25
+
+
 def test_the_authors_vertex_shader_tells_what_a_varying_runs_over(tmp_path: Path) -> None:
     contract = contract_of(tmp_path, a__frag=ES_100, a__vert=VERTEX)
     assert drawn(contract)[0, 0, :2].tolist() == pytest.approx([-0.875, -5 / 6])
