@@ -205,8 +205,9 @@ class _Program:
             raise ShaderError(f"{file}: cannot be handed to the compiler: {' '.join(str(error).split())[:200]}; "
                               "write it in ASCII, and include by \"NAME\"") from None
         members: dict[str, Any] = {name: self._program[name] for name in self._program}
-        self.uniforms: dict[str, Any] = {re.split(r"[.\[]", name)[0] if member.array_length > 1 else name: member
-                         for name, member in members.items() if isinstance(member, moderngl.Uniform)}
+        self.uniforms: dict[str, Any] = {
+            re.split(r"[.\[]", name)[0] if member.array_length > 1 else name: member
+            for name, member in members.items() if isinstance(member, moderngl.Uniform)}
         self.samplers = {name: _SAMPLERS[member.gl_type] for name, member in self.uniforms.items()
                          if member.gl_type in _SAMPLERS}
         try:
@@ -224,7 +225,10 @@ class _Program:
         turned = int if member.fmt[-1] in _INTEGERS else float
         numbers, length = member.dimension, member.array_length
         if length > 1 and numbers > 1:
-            member.value = [tuple(turned(v) for v in row[:numbers]) for row in value[:length]]
+            # A contract holds them one number after the other.
+            rows = value if isinstance(value[0], tuple) else [
+                value[start:start + numbers] for start in range(0, len(value), numbers)]
+            member.value = [tuple(turned(v) for v in row[:numbers]) for row in rows[:length]]
         elif length > 1:
             member.value = [turned(v) for v in value[:length]]
         else:

@@ -87,6 +87,12 @@ class TestTold:
         left = drawn(one(text), values=(("a", (1.0, 2.0, 3.0)), ("b", True)))
         assert tuple(left[0, 0, :2]) == (3.0, 1.0)
 
+    def test_is_an_array_of_vectors_one_number_after_the_other(self) -> None:
+        """As contracts hold it."""
+        text = "uniform vec2 a[2]; void main() { c = vec4(a[0], a[1]); }"
+        left = drawn(one(text), values=(("a", (1.0, 2.0, 3.0, 4.0)),))
+        assert tuple(left[0, 0]) == (1.0, 2.0, 3.0, 4.0)
+
 
 class TestStandIns:
     """What samplers read that have nothing to read."""
