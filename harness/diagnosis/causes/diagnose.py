@@ -76,8 +76,12 @@ class _Ranked:
 
 def _ranking(small: Seen, small_right: Seen, seen: Seen, right: Seen, pictures: Sequence[Candidate],
              transforms: Sequence[TransformFit], read: Factors | None) -> list[_Ranked]:
-    """All explanations, the likeliest first. Scores are log-likelihoods less that of the right picture, each by the
-    pixels that it was compared by."""
+    """All explanations, those that are not excluded first, the likeliest first.
+
+    Scores are log-likelihoods less that of the right picture that is as noisy, by the pixels that both were compared
+    by: between pictures of ours and transforms of the reference, which has less noise, they are comparable only where
+    both fit.
+    """
     merged = small.mean.shape != seen.mean.shape
     inner = inner_pixels(right.mean.shape)
     mask = None if merged else inner  # then transforms and defects are compared by the same pixels
@@ -103,7 +107,7 @@ def _ranking(small: Seen, small_right: Seen, seen: Seen, right: Seen, pictures: 
         score, result = loglik(small, read.picture, mask), fit(small, read.picture, mask)
         cause = Cause("bounces", "", read.says, "bounces", "", result.chi2, result.same, 0.0)
         ranking.append(_Ranked(cause, score - loglik(small, small_right, mask), result, read.picture))
-    return sorted(ranking, key=lambda item: -item.score)
+    return sorted(ranking, key=lambda item: (not item.fit.same, -item.score))
 
 
 def _judged(ranking: list[_Ranked], noise: Seen, right: Seen, as_it_is: Fit) -> tuple[Outcome, tuple[Cause, ...]]:
