@@ -29,6 +29,8 @@ MARGIN = 8.0
 # Where no picture fits, the nearest is told if it takes off at least this part of what the right one's χ² has too much.
 MUCH_NEARER = 0.7
 TOLD = 3
+# A picture whose χ² is at most so much larger fits as well: it lost by its own noise alone, and is told beside.
+AS_GOOD = 1.05
 # So many of the likeliest defects are tested for being the same picture; what comes after them is not.
 TESTED = 40
 
@@ -122,7 +124,9 @@ def _judged(ranking: list[_Ranked], noise: Seen, right: Seen, as_it_is: Fit) -> 
         best = classes[0][0].cause
         gained = (as_it_is.chi2 - best.chi2) / max(as_it_is.chi2 - 1.0, PIXEL_EXCESS)
         return ("near" if gained > MUCH_NEARER else "unknown"), _told(classes)
-    rivals = [group for group in fitting if fitting[0][0].score - group[0].score < MARGIN]
+    first = fitting[0][0]
+    rivals = [group for group in fitting if first.score - group[0].score < MARGIN
+              or group[0].fit.chi2 < AS_GOOD * first.fit.chi2]
     chosen = [*rivals, *(group for group in classes if group not in rivals)]
     return ("cause" if len(rivals) == 1 else "several"), _told(chosen)
 
