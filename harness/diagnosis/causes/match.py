@@ -159,7 +159,7 @@ def _probability(difference: np.ndarray, variance: np.ndarray, found: Seen, othe
         total = np.stack([_sums(difference[..., c], side) for c in range(3)], -1)
         spread = np.stack([_sums(variance[..., c], side) for c in range(3)], -1) * inflation
         z2 = np.divide(total**2, spread, out=np.zeros_like(total), where=spread > 0)
-        dof = min(found.dof, other.dof)
+        dof: float | np.ndarray = min(found.dof, other.dof)
         if side < max(height, width) and np.isfinite(dof):
             squares = np.stack([_sums(variance[..., c] ** 2, side) for c in range(3)], -1) * inflation**2
             dof = dof * np.divide(spread**2, squares, out=np.ones_like(spread), where=squares > 0)
