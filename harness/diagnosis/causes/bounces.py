@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from harness.diagnosis.causes.match import Fit, Seen, fit
+from harness.diagnosis.causes.match import ROUNDING, Fit, Seen, fit, loglik
 from harness.diagnosis.causes.transforms import FACTORS, PRICE
 from harness.estimators.base import Estimator, Renderer
 from harness.estimators.mitsuba import Mitsuba
@@ -87,22 +87,37 @@ def factors(found: Seen, of: Layers) -> Factors:
     lit = [index for index, layer in enumerate(light) if _has_light(layer)]
     mean = np.stack([light[index].mean for index in lit])
     noise = np.stack([light[index].variance for index in lit])
-    found_factors = np.ones(len(lit))
-    found_factors[[k for k, index in enumerate(lit) if index == len(light) - 1]] = 0.0
-    normal = np.eye(len(lit))
-    for _ in range(ITERATIONS):
-        weight = 1.0 / (found.variance + np.tensordot(found_factors**2, noise, 1) + 1e-12)
-        normal = np.einsum("ahwc,bhwc,hwc->ab", mean, mean, weight)
-        corrected = normal - np.diag(np.einsum("ahwc,hwc->a", noise, weight))
-        right = np.einsum("ahwc,hwc,hwc->a", mean, found.mean, weight)
-        found_factors = np.linalg.lstsq(corrected, right, rcond=1e-10)[0]
+    solutions = [_solved(found, mean, noise, corrected=corrected) for corrected in (True, False)]
+    whole_of = [_sum(light, _spread(values, lit, len(light), 0.0)) for values, _ in solutions]
+    # Layers of the same paths err together, which the correction does not know: what fits better is taken.
+    best = max(range(len(solutions)), key=lambda index: loglik(found, whole_of[index]))
+    found_factors, normal = solutions[best]
     # Channels see the same paths: three of them tell little more than one.
     errors = np.sqrt(3.0 * np.diag(np.linalg.pinv(normal)))
-    values, spread = np.full(len(light), np.nan), np.full(len(light), np.nan)
-    values[lit], spread[lit] = found_factors, errors
-    whole = fit(found, _sum(light, np.nan_to_num(values)))
+    values, spread = (_spread(numbers, lit, len(light), np.nan) for numbers in (found_factors, errors))
+    whole = fit(found, whole_of[best])
     says, reading, picture = _read(found, light, values)
     return Factors(tuple(map(float, values)), tuple(map(float, spread)), whole, says, reading, picture)
+
+
+def _solved(found: Seen, mean: np.ndarray, noise: np.ndarray, *, corrected: bool) -> tuple[np.ndarray, np.ndarray]:
+    """The factors of layers (K, H, W, 3), and the matrix of the normal equations, (K, K)."""
+    values = np.ones(len(mean))
+    normal = np.eye(len(mean))
+    for _ in range(ITERATIONS):
+        weight = 1.0 / (found.variance + np.tensordot(values**2, noise, 1) + (ROUNDING * found.mean) ** 2 + 1e-12)
+        normal = np.einsum("ahwc,bhwc,hwc->ab", mean, mean, weight)
+        taken = np.diag(np.einsum("ahwc,hwc->a", noise, weight)) if corrected else 0.0
+        right = np.einsum("ahwc,hwc,hwc->a", mean, found.mean, weight)
+        values = np.linalg.lstsq(normal - taken, right, rcond=1e-10)[0]
+    return values, normal
+
+
+def _spread(numbers: np.ndarray, lit: list[int], count: int, otherwise: float) -> np.ndarray:
+    """Numbers of the layers that have light, among all."""
+    whole = np.full(count, otherwise)
+    whole[lit] = numbers
+    return whole
 
 
 def _batch(renderer: Renderer, identity: dict[str, str], replica: int, spp: int, store: Store | None) -> Batch:

@@ -29,6 +29,8 @@ MARGIN = 8.0
 # Where no picture fits, the nearest is told if it takes off at least this part of what the right one's χ² has too much.
 MUCH_NEARER = 0.7
 TOLD = 3
+# A picture whose χ² is at most so much larger fits as well: it lost by its own noise alone, and is told beside.
+AS_GOOD = 1.05
 # So many of the likeliest defects are tested for being the same picture; what comes after them is not.
 TESTED = 40
 
@@ -76,8 +78,12 @@ class _Ranked:
 
 def _ranking(small: Seen, small_right: Seen, seen: Seen, right: Seen, pictures: Sequence[Candidate],
              transforms: Sequence[TransformFit], read: Factors | None) -> list[_Ranked]:
-    """All explanations, the likeliest first. Scores are log-likelihoods less that of the right picture, each by the
-    pixels that it was compared by."""
+    """All explanations, those that are not excluded first, the likeliest first.
+
+    Scores are log-likelihoods less that of the right picture that is as noisy, by the pixels that both were compared
+    by: between pictures of ours and transforms of the reference, which has less noise, they are comparable only where
+    both fit.
+    """
     merged = small.mean.shape != seen.mean.shape
     inner = inner_pixels(right.mean.shape)
     mask = None if merged else inner  # then transforms and defects are compared by the same pixels
@@ -103,7 +109,7 @@ def _ranking(small: Seen, small_right: Seen, seen: Seen, right: Seen, pictures: 
         score, result = loglik(small, read.picture, mask), fit(small, read.picture, mask)
         cause = Cause("bounces", "", read.says, "bounces", "", result.chi2, result.same, 0.0)
         ranking.append(_Ranked(cause, score - loglik(small, small_right, mask), result, read.picture))
-    return sorted(ranking, key=lambda item: -item.score)
+    return sorted(ranking, key=lambda item: (not item.fit.same, -item.score))
 
 
 def _judged(ranking: list[_Ranked], noise: Seen, right: Seen, as_it_is: Fit) -> tuple[Outcome, tuple[Cause, ...]]:
@@ -118,7 +124,9 @@ def _judged(ranking: list[_Ranked], noise: Seen, right: Seen, as_it_is: Fit) -> 
         best = classes[0][0].cause
         gained = (as_it_is.chi2 - best.chi2) / max(as_it_is.chi2 - 1.0, PIXEL_EXCESS)
         return ("near" if gained > MUCH_NEARER else "unknown"), _told(classes)
-    rivals = [group for group in fitting if fitting[0][0].score - group[0].score < MARGIN]
+    first = fitting[0][0]
+    rivals = [group for group in fitting if first.score - group[0].score < MARGIN
+              or group[0].fit.chi2 < AS_GOOD * first.fit.chi2]
     chosen = [*rivals, *(group for group in classes if group not in rivals)]
     return ("cause" if len(rivals) == 1 else "several"), _told(chosen)
 

@@ -44,9 +44,8 @@ def reference() -> Estimate:
     return drawn(replica=500, spp=512)
 
 
-def ask(found: Estimate, reference: Estimate, store: Store, **options: bool) -> Diagnosis:
-    wanted = {"depths": False, "where": False} | options
-    return diagnose(SCENE, found, reference, store=store, defects=DEFECTS, **wanted)
+def ask(found: Estimate, reference: Estimate, store: Store) -> Diagnosis:
+    return diagnose(SCENE, found, reference, store=store, defects=DEFECTS, depths=False, where=False)
 
 
 @pytest.mark.parametrize(("mutant", "strategy", "cause"), [
