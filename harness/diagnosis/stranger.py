@@ -99,17 +99,18 @@ class Judged:
 
 def judge_stranger(shader: Shader, scene: SceneFile, *, store: Store | None = None, budget: float = 60.0,
                    tolerance: float | None = None, encoding: Encoding = "", spp: int | None = None,
-                   transforms: bool = True, progress: Progress = quiet) -> Judged:
+                   frames: int | None = None, transforms: bool = True, progress: Progress = quiet) -> Judged:
     """Hold a shader's single frames against Mitsuba's picture of the scene.
 
     `budget`: seconds for the shader's frames; the verdict is told as soon as it is certain. `encoding`: what the
     experiments found frames to be put through. `spp`: samples per pixel of the reference, enough for the film if None.
-    `transforms`: whether to ask what a picture that fails was put through. Raises as the estimators do.
+    `frames`: of each of its batches, instead of what fits into the budget. `transforms`: whether to ask what a picture
+    that fails was put through. Raises as the estimators do.
     """
     allowed = tolerance_of(scene, tolerance)
     began = time.perf_counter()
     with shader.open(scene) as renderer:  # first: it is the likelier to fail
-        run = _frames_of_a_batch(renderer, budget)
+        run = frames or _frames_of_a_batch(renderer, budget)
     held = reference(scene, allowed, spp=spp, store=store, progress=progress)
     images, verdict = _drawn(replace(shader, run=run), scene, held, allowed, budget, progress)
     transform = ""

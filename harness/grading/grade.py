@@ -50,7 +50,7 @@ class Task:
 
 
 def grade(submissions: Sequence[Submission], task: Task, *, jobs: int = 1, progress: Progress = quiet) -> list[Graded]:
-    """Every submission judged, in order, in `jobs` processes.
+    """Every submission judged, in order, in `jobs` processes, or in this one.
 
     A shader that cannot be judged is refused with its reason; what is wrong with the machine or the scene ends the run:
     MachineError, SceneError, StoreError.
@@ -58,7 +58,8 @@ def grade(submissions: Sequence[Submission], task: Task, *, jobs: int = 1, progr
     draw_reference(sized(task.scene, task.size), task.tolerance, store=Store(task.store) if task.store else None,
                    progress=progress)  # once, before two processes draw it at the same time
     found: list[Graded] = []
-    with progress(len(submissions), "submissions") as advance, executor("processes", jobs) as pool:
+    where = "processes" if jobs > 1 else "serial"
+    with progress(len(submissions), "submissions") as advance, executor(where, jobs) as pool:
         for graded in pool.map(partial(graded_alone, task), submissions):
             found.append(graded)
             advance(1)

@@ -122,11 +122,12 @@ class TestCommand:
         assert main(["calibrate", "-o", str(path)]) == 0
         lines = capsys.readouterr().out.splitlines()
         assert lines[1].split() == ["normal", "/", "normal", "0.05", *["0.0500"] * 5]
-        assert lines[6].split() == ["sharp", "2", "0", "25", "%", "0.15", "%", "4.5", "%"]
-        assert lines[7].split() == ["blind", "0", "10", "75", "%", "0.5", "%", "-"]
-        assert lines[8] == ("gates.toml, 1000 simulated runs on good renders: a gate failed in 2, a rate of 0.0002 to "
-                            "0.0072, where 0.01 was asked for; some gate did not pass in 12")
-        assert len(lines) == 9
+        assert lines[8].split()[-7:] == ["patch", "2.5e-04", "6", "0", "60", "50", "%"]
+        assert lines[10].split() == ["sharp", "2", "0", "25", "%", "0.15", "%", "4.5", "%"]
+        assert lines[11].split() == ["blind", "0", "10", "75", "%", "0.5", "%", "-"]
+        assert lines[12] == ("gates.toml, 1000 simulated runs on good renders: a gate failed in 2, a rate of 0.0002 to "
+                             "0.0072, where 0.01 was asked for; some gate did not pass in 12")
+        assert len(lines) == 13
         assert calibration.load(path) == made()
 
     def test_a_rate_above_what_was_asked_for_is_told_and_ends_with_status_1(
