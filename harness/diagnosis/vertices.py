@@ -17,6 +17,8 @@ from harness.reference.coupled_steps import NO_HIT, Vertices
 # How far an origin may be lifted off the surface, in units of 1 + its largest coordinate: Mitsuba's offset is 8.94e-5.
 # A quarter of it meets its own surface again, twice as much leaks light past contacts.
 LEAST_LIFT, MOST_LIFT = 0.5 * 8.94e-5, 2.0 * 8.94e-5
+# An offset may also cover what float32 knows of a long ray's end: so much of its length, eight units in the last place.
+LONG_RAY = 8 * 2.0**-24
 
 
 def ask_vertex(case: Case, seen: Seen, number: int, progress: Progress, tally: Tally) -> None:
@@ -85,6 +87,7 @@ def _ask_ray(case: Case, seen: Seen, vertex: Vertex, progress: Progress, tally: 
         start = origin
     lift = ((start - place) * normal).sum(axis=1) / unit
     aside = np.abs(start - place - normal * (lift * unit)[:, None]).max(axis=1) / unit
-    outside = (lift < LEAST_LIFT) | (lift > MOST_LIFT) | (aside > MOST_LIFT)
-    tally.ask("offset", lift, np.clip(lift, LEAST_LIFT, MOST_LIFT), lanes, vertex=before,
+    most = MOST_LIFT + LONG_RAY * seen.vertex(before)["origin"][lanes, 3] / unit
+    outside = (lift < LEAST_LIFT) | (lift > most) | (aside > most)
+    tally.ask("offset", lift, np.clip(lift, LEAST_LIFT, most), lanes, vertex=before,
               difference=outside.astype(float))

@@ -22,3 +22,9 @@ def spheres() -> Iterator[CoupledSteps]:
 def ladder() -> Iterator[CoupledSteps]:
     """Those of `glossy_ladder`, where exponents go from 1 to 1000."""
     yield CoupledSteps(SceneFile.bundled("glossy_ladder", (48, 36)))
+
+
+@pytest.fixture(scope="session")
+def plates() -> Iterator[CoupledSteps]:
+    """Those of `furnace_phong`, which is seen from 400 units away."""
+    yield CoupledSteps(SceneFile.bundled("furnace_phong", (48, 36)))

@@ -156,6 +156,13 @@ class TestStranger:
         """Of an exponent of 1 the direction does not tell the term, and the terms' weights differ."""
         assert examined(ladder, "lobes", VARIANTS[name]).stage is None
 
+    @pytest.mark.parametrize(("grows", "stage"), [("4e-7", None), ("4e-6", "offset")])
+    def test_may_lift_a_long_ray_by_what_its_end_is_known_to(self, plates: CoupledSteps, grows: str,
+                                                             stage: str | None) -> None:
+        """Plates that are seen from 400 units: a hundred-thousandth of that is more."""
+        library = exchanged(VARIANTS["offset-grows-with-t"], "lib/path.glsl", "(4e-7 * t)", f"({grows} * t)")
+        assert examined(plates, "lobes", library).stage == stage
+
     def test_sampler_is_tested_by_how_often_it_draws_which_direction(self, spheres: CoupledSteps) -> None:
         """A sampler of one's own whose lobe has the exponent 8 α: its weights are right, its directions are not."""
         library = exchanged(VARIANTS["lobe-by-the-other-end"], "lib/sampling.glsl", "1.0 / (alpha + 1.0)",
