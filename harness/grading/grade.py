@@ -145,7 +145,8 @@ def _sentence(checked: Checked) -> str:
     """The verdict in a sentence that tells neither place nor cause."""
     found, judged = checked.found, checked.judged
     wrong = [lost] if (lost := _averaging(checked)) else []
-    wrong += [fault.told for fault in found.faults if fault.part != "accumulation"][:1]
+    if fault := _first([fault for fault in found.faults if fault.part != "accumulation"]):
+        wrong.append(fault)
     if judged is not None and not judged.is_right:
         error, low, high = judged.verdict.luminance
         wrong.append(f"mean luminance {error:+.2%} ({low:+.2%} to {high:+.2%})" if judged.outcome == "fail"
@@ -170,4 +171,7 @@ def _pictures(judged: Judged, scene: SceneFile) -> Iterator[tuple[str, bytes]]:
 
 
 def _first(faults: Sequence[Finding]) -> str:
-    return faults[0].told if faults else ""
+    """The first fault as anybody may read it: what is told of a line of the author's quotes it, which is a formula."""
+    if not faults:
+        return ""
+    return "a line of its text is at fault, whatever the scene" if faults[0].where else faults[0].told

@@ -7,10 +7,13 @@ from pathlib import Path
 import pytest
 
 from harness.diagnosis import stranger
-from harness.grading.grade import Task, grade, graded_alone
-from harness.grading.records import Graded
+from harness.diagnosis.checked import Checked
+from harness.grading.grade import Task, _graded, grade, graded_alone
+from harness.grading.records import HINTS, Graded, told
 from harness.grading.submissions import submissions
 from harness.scene import SceneFile
+from harness.shader.contract import Contract
+from harness.strangers.findings import Accumulation, Finding, Findings
 
 HEAD = """uniform sampler2D pingpong0;
 uniform int numpass;
@@ -80,6 +83,16 @@ def test_one_that_loses_its_past_is_wrong_in_that_part_alone(grades: dict[str, G
     lost = grades["lost"]
     assert lost.outcome == "fail"
     assert [part.earned for part in lost.parts] == [1.0, 0.0, 1.0]
+
+
+def test_a_line_of_the_authors_is_told_with_the_formula_alone(tmp_path: Path) -> None:
+    """Neither the sentence nor the parts quote it."""
+    fault = Finding("encodes_samples", "fault", "estimator", "each frame is encoded (`s = sqrt(s)`)", "ada.frag:7")
+    found = Findings(Contract("body", (), "ada"), "a sum", Accumulation("pass", "the mean", 24, exact=True), (fault,))
+    graded = _graded("ada", ("ada.frag",), Checked(found), SceneFile.bundled("diffuse"))
+    assert "sqrt" in graded.findings[0][1]
+    for hints in HINTS:
+        assert ("sqrt" in repr(told(graded, hints))) == (hints == "formula")
 
 
 def test_a_scene_that_is_none_ends_the_run(tmp_path: Path) -> None:
