@@ -91,7 +91,7 @@ def _graded(name: str, files: tuple[str, ...], checked: Checked, scene: SceneFil
     lost = _averaging(checked)
     parts = (Part("it runs", RUNS, 0.0 if own and judged is None else 1.0, _first(own) or "it does"),
              Part("frames are averaged", AVERAGES, float(not lost), lost or found.accumulation.told),
-             _picture(judged, own))
+             _picture(checked, own))
     outcome: Outcome = "fail" if judged is None or found.faults else _outcome(judged)
     sentence = _sentence(checked)
     common = Graded(name, files, outcome, sentence, parts, findings=tuple(_hinted(one) for one in found.found),
@@ -128,10 +128,10 @@ def _averaging(checked: Checked) -> str:
     return _first([fault for fault in found.faults if fault.part == "accumulation"])
 
 
-def _picture(judged: Judged | None, faults: Sequence[Finding]) -> Part:
-    title = "the picture is right"
+def _picture(checked: Checked, faults: Sequence[Finding]) -> Part:
+    title, judged = "the picture is right", checked.judged
     if judged is None:
-        return Part(title, RIGHT, 0.0, _first(faults) or "not judged")
+        return Part(title, RIGHT, 0.0, _first(faults) or f"not judged: {checked.hopeless}")
     error, low, high = judged.verdict.luminance
     earned = {"pass": 1.0, "inconclusive": UNDECIDED}.get(judged.outcome, TRANSFORMED if judged.transform else 0.0)
     return Part(title, RIGHT, earned, f"mean luminance {error:+.2%} ({low:+.2%} to {high:+.2%}): {judged.outcome}")
@@ -147,6 +147,8 @@ def _sentence(checked: Checked) -> str:
     wrong = [lost] if (lost := _averaging(checked)) else []
     if fault := _first([fault for fault in found.faults if fault.part != "accumulation"]):
         wrong.append(fault)
+    if checked.hopeless:
+        wrong.append(f"not judged: {checked.hopeless}")
     if judged is not None and not judged.is_right:
         error, low, high = judged.verdict.luminance
         wrong.append(f"mean luminance {error:+.2%} ({low:+.2%} to {high:+.2%})" if judged.outcome == "fail"

@@ -85,7 +85,7 @@ def test_one_that_loses_its_past_is_wrong_in_that_part_alone(grades: dict[str, G
     assert [part.earned for part in lost.parts] == [1.0, 0.0, 1.0]
 
 
-def test_a_line_of_the_authors_is_told_with_the_formula_alone(tmp_path: Path) -> None:
+def test_a_line_of_the_authors_is_told_with_the_formula_alone() -> None:
     """Neither the sentence nor the parts quote it."""
     fault = Finding("encodes_samples", "fault", "estimator", "each frame is encoded (`s = sqrt(s)`)", "ada.frag:7")
     found = Findings(Contract("body", (), "ada"), "a sum", Accumulation("pass", "the mean", 24, exact=True), (fault,))
@@ -93,6 +93,16 @@ def test_a_line_of_the_authors_is_told_with_the_formula_alone(tmp_path: Path) ->
     assert "sqrt" in graded.findings[0][1]
     for hints in HINTS:
         assert ("sqrt" in repr(told(graded, hints))) == (hints == "formula")
+
+
+def test_one_that_cannot_be_judged_is_not_called_right() -> None:
+    """Though no fault was found in it."""
+    found = Findings(Contract("body", (), "ada"), "none", Accumulation("none", "stands alone", 24, exact=False), ())
+    checked = Checked(found, hopeless="what a frame adds cannot be told from its past")
+    graded = _graded("ada", ("ada.frag",), checked, SceneFile.bundled("diffuse"))
+    assert not checked.is_right and graded.outcome == "fail"
+    assert "right" not in graded.sentence and "cannot be told from its past" in graded.sentence
+    assert graded.parts[2].earned == 0.0 and "cannot be told" in graded.parts[2].sentence
 
 
 def test_a_scene_that_is_none_ends_the_run(tmp_path: Path) -> None:
