@@ -31,6 +31,9 @@ const float MARCH_TOLERANCE_GROWTH = 1.02;
 const float MARCH_RELAXATION = 1.8;
 // But no nearer to where the tangent of f reaches zero than this part of the way: the surface is likely there.
 const float MARCH_TANGENT = 0.9;
+// How much farther from the surface than its lowest and highest points its shell reaches, in radii, some hundred times the
+// rounding of x: a step that rounded past the floor of a valley, or a crest, would leave the shell, and the hit be lost.
+const float SHELL_MARGIN = 2e-5;
 const float SMALLEST_STEP = 1e-6;  // radii; rounding may leave the parabola's root where the ray already is
 // The way to an axis, or a corner of the ramp, where there is none: no limit to any step.
 const float FAR = 1e30;
@@ -119,8 +122,10 @@ void approach(vec3 o, vec3 d)
     march.foot = (march.along * d - to_center) * per_radius;
     float b2 = dot(march.foot, march.foot);
     march.b = sqrt(b2);
-    march.end = sqrt(max(march.sphere.highest * march.sphere.highest - b2, 0.0));
-    march.inner = sqrt(max(march.sphere.lowest * march.sphere.lowest - b2, 0.0));
+    float outer = march.sphere.highest + SHELL_MARGIN;
+    float inner = march.sphere.lowest - SHELL_MARGIN;
+    march.end = sqrt(max(outer * outer - b2, 0.0));
+    march.inner = sqrt(max(inner * inner - b2, 0.0));
     float start = -march.along * per_radius;
     march.side = start <= -march.end ? 1.0 : abs(start) < march.inner ? -1.0 : 0.0;
     march.x = march.side > 0.0 ? -march.end : march.side < 0.0 ? march.inner : start;

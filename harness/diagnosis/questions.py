@@ -15,8 +15,7 @@ class Question:
 
     `tolerance`: the largest difference that is rounding, in the units that `measure` names, and `reason` why it is that
     much. `functions` compute the stage, the likeliest first; `line` is what tells its line in the first of them, where
-    that has many. `shared`: what makes it another question for a library with a generator, a sampler or a loop of its
-    own.
+    that has many.
     """
 
     name: str
@@ -26,7 +25,6 @@ class Question:
     reason: str
     functions: tuple[str, ...]
     line: str = ""
-    shared: tuple[str, ...] = ()
 
 
 _EXACT = "integers, or copies of what the shader itself computed: no rounding"
@@ -35,17 +33,15 @@ _LOOP = ("trace_samples",)
 QUESTIONS = {question.name: question for question in (
     Question("pass", "which samples main asks for, and what becomes of their sum", "any difference", 0.0, _EXACT,
              ("main",)),
-    Question("stream", "the pixel's stream of numbers", "different bits", 0.0, _EXACT, ("pixel_stream", "pcg_hash"),
-             shared=("generator",)),
+    Question("stream", "the pixel's stream of numbers", "different bits", 0.0, _EXACT, ("pixel_stream", "pcg_hash")),
     Question("index", "the sample's index", "different bits", 0.0, _EXACT, _LOOP, "seed_sample("),
     Question("seed", "the generator's state after seeding", "different bits", 0.0, _EXACT,
-             ("seed_sample", "pcg_hash"), shared=("generator",)),
-    Question("numbers", "random numbers and the generator's states", "any difference", 0.0, _EXACT, ("rand",),
-             shared=("generator",)),
+             ("seed_sample", "pcg_hash")),
+    Question("numbers", "random numbers and the generator's states", "any difference", 0.0, _EXACT, ("rand",)),
     Question("film", "the point of the film, and the numbers of the lens", "of the film's side", 1e-6,
-             "(pixel + number) / size in float32", _LOOP, "_ray(", ("generator", "loop")),
+             "(pixel + number) / size in float32", _LOOP, "_ray("),
     Question("time", "the number that makes the path's time", "of the shutter's interval", 0.0, _EXACT, _LOOP,
-             "set_time(", ("generator", "loop")),
+             "set_time("),
     Question("moment", "the time that set_time makes of it", "of the interval's ends", 1e-6, "one float32 product",
              ("set_time",)),
     Question("pose", "where moving shapes are at that time", "of the point's coordinates", 1e-5,
@@ -74,31 +70,30 @@ QUESTIONS = {question.name: question for question in (
     Question("scatters", "whether the path scatters", "yes or no", 0.0, "grazing rays are left out", _LOOP,
              "vertex < MAX_DEPTH"),
     Question("draws", "how many numbers were taken, and from which state", "different bits", 0.0, _EXACT, _LOOP,
-             "sample_phong(", ("generator", "sampler", "loop")),
+             "sample_phong("),
     Question("material", "the material", "of albedos, and relative", 2e-3,
              "texels between which float32 coordinates interpolate", ("material",)),
     Question("lobe", "the term, the axis and the exponent that a direction is drawn by", "of a unit vector, relative",
-             1e-4, "the mirror direction in float32", ("sample_phong",), "sample_lobe(", ("sampler",)),
+             1e-4, "the mirror direction in float32", ("sample_phong",), "sample_lobe("),
     Question("frame", "the basis about the axis", "of unit vectors", 2e-4,
              "float32, where the construction divides by 0.6 at least", ("to_world",)),
     Question("azimuth", "the direction at an azimuth about the axis", "of a unit vector", 5e-5, "float32 sines",
-             ("direction_about",), shared=("sampler",)),
+             ("direction_about",)),
     Question("direction", "the direction drawn", "of a unit vector", 3e-4,
-             "a root of 1 - u and of 1 - cos² in float32", ("sample_lobe",), shared=("sampler",)),
+             "a root of 1 - u and of 1 - cos² in float32", ("sample_lobe",)),
     Question("pdf", "the densities of the direction", "relative, of 0.01 + density", 3e-3,
              "drivers' pow: 1.3e-4 at an exponent of 1000", ("pdf_lobe",)),
     Question("brdf", "the BRDF's value", "relative, of 0.01 + value", 3e-3, "drivers' pow", ("eval_phong",)),
     Question("weight", "the weight f cos / pdf", "relative, of 0.01 + weight", 3e-3, "drivers' pow", ("sample_phong",),
-             "return", ("density",)),
+             "return"),
     Question("offset", "how far the next origin is lifted off the surface", "of the least and the most", 0.0,
-             "bounds, not values: see harness/diagnosis/vertices.py", ("offset_origin",), shared=("loop",)),
+             "bounds, not values: see harness/diagnosis/vertices.py", ("offset_origin",)),
     Question("origin", "whether the next ray starts there, and goes where it was sent", "of 1 + |origin|", 2e-6,
-             "a copy of what the shader computed, but for the place, o + t d once more", _LOOP, "offset_origin(",
-             ("loop",)),
-    Question("goes on", "whether the path goes on", "yes or no", 0.0, _EXACT, _LOOP, "alive =", ("loop",)),
+             "a copy of what the shader computed, but for the place, o + t d once more", _LOOP, "offset_origin("),
+    Question("goes on", "whether the path goes on", "yes or no", 0.0, _EXACT, _LOOP, "alive ="),
     Question("counted", "how many samples were counted", "any difference", 0.0, _EXACT, _LOOP, "++finished"),
     Question("radiance", "the sum: light times weights, and what was there before", "relative, of 0.01 + sum", 1e-4,
-             "float32 sums in another order", _LOOP, "sum +=", ("loop",)),
+             "float32 sums in another order", _LOOP, "sum +="),
     Question("finite", "what counts as a number", "yes or no", 0.0, _EXACT, ("is_finite",)),
     Question("display", "the picture shown", "of 255", 1.5, "8 bits, and drivers' pow", ("main", "encode_srgb")),
 )}

@@ -157,6 +157,33 @@ def test_no_ray_steps_through_the_surface(scene: SceneWriter, case: str) -> None
     assert np.quantile(np.abs(normals[hit] - outward).max(axis=1), 0.99) < 1e-4
 
 
+VALLEYS = {
+    "marble": ("marble", MARBLE, 0.3, ""),
+    "wood": ("wood", '<float name="frequency" value="4"/><integer name="octaves" value="2"/>', 0.06, ""),
+}
+
+
+@pytest.mark.parametrize("case", VALLEYS)
+def test_no_ray_falls_through_the_floor_of_a_valley(scene: SceneWriter, case: str) -> None:
+    """Where the surface touches the ball that lies within it, a step that rounds into the ball is no way past it."""
+    built = scene(sphere_xml(*VALLEYS[case]))
+    displacement = displacement_of(built.shapes[0])
+    rng = np.random.default_rng(7)
+    e = unit(rng.normal(size=(100_000, 3)))
+    r, _ = radius(displacement, e)
+    floor = np.flatnonzero(r < bounds(displacement).lowest + 2e-6)[:200]
+    assert len(floor) > 30
+    o = e[floor] * 2 + rng.uniform(-1, 1, (len(floor), 3))
+    d = unit(e[floor] * r[floor, None] - o)
+    o, d = o.astype(np.float32).astype(float), d.astype(np.float32).astype(float)
+    expected = first_roots(displacement, o, d)
+    t, ids, _ = trace(built, o, d)
+    assert (ids == 0).all()
+    p = o + expected[:, None] * d
+    steep = np.abs((unit(p) * d).sum(axis=1))
+    assert (t - expected)[steep > 0.3].max() < 1e-3
+
+
 # So far that most jumps are wrong.
 RECKLESS = {"RELAXATION = 1.8": "RELAXATION = 6.0", "TANGENT = 0.9": "TANGENT = 6.0"}
 UNPROVEN = {"behind < unproven": "false"}
