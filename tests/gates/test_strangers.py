@@ -66,7 +66,7 @@ def test_a_program_that_takes_a_depth_is_asked_for_each(tmp_path: Path) -> None:
     line = command(tmp_path, 0.0, PROGRAM.replace("float(sys.argv[5])", "0.52 if int(sys.argv[5]) > 1 else 0.5"))
     result = run_gate(load_gates(gates(tmp_path, line.replace("0.0'", "{max_depth}'"))).gates[0])
     assert result.outcome == "fail"
-    assert "; right up to depth 1, wrong from 2 on (light scattered once): +4.0" in result.reason
+    assert "; right up to depth 1, wrong from 2 on (light scattered once): +4 %" in result.reason
     deaf = run_gate(load_gates(gates(tmp_path, command(tmp_path, 0.52))).gates[0])
     assert deaf.reason.endswith("no ladder of depths: max_depth does not reach it; pass {max_depth} on to the program")
 
