@@ -12,7 +12,7 @@ from harness.estimators.base import Estimator, Renderer
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
 from harness.progress import Progress, quiet
-from harness.results import BenchRow
+from harness.results import Benchmark, BenchRow, SamplerRow
 from harness.samples import json
 from harness.samples.estimate import Accumulator
 from harness.scene import SceneFile
@@ -118,12 +118,13 @@ def _opponent(case: Case) -> Estimator:
     return Mitsuba(case.opponent)
 
 
-def save(rows: Sequence[BenchRow], path: Path) -> None:
-    """Write the rows and the versions they were measured with as JSON, for the report."""
-    json.save(path, {"rows": list(rows), "versions": versions()})
+def save(found: Benchmark, path: Path) -> None:
+    """Write what was found and the versions it was measured with as JSON, for the report."""
+    json.save(path, {"rows": found.rows, "samplers": found.samplers, "versions": versions()})
 
 
-def load(path: Path) -> list[BenchRow]:
-    """The rows that `save` wrote; StoreError where the file is not one."""
-    return json.load(path, lambda held: [json.built(BenchRow, row) for row in held["rows"]],
+def load(path: Path) -> Benchmark:
+    """What `save` wrote; StoreError where the file is not one."""
+    return json.load(path, lambda held: Benchmark(tuple(json.built(BenchRow, row) for row in held["rows"]),
+                                                  tuple(json.built(SamplerRow, row) for row in held["samplers"])),
                      what="a benchmark result", mend="run `harness bench` again")

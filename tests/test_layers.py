@@ -22,7 +22,7 @@ FLOORS = (
     ("checks", "estimators", "strangers"),
     ("work",),
     ("api", "diagnosis", "studies"),
-    ("bench", "course", "view"),
+    ("bench", "course", "rivals", "view"),
     ("report",),
     ("gates", "grading"),
     ("calibration", "mutants"),

@@ -82,7 +82,7 @@ def report(
         if fresh:
             elapsed["the handout's errors"] = time.perf_counter() - began_exhibits
     inputs = Inputs(results, profile, elapsed=elapsed, exhibits=exhibits, coupled=coupled,
-                    bench=_left(output / BENCH_FILE, bench.load, []),
+                    bench=_left(output / BENCH_FILE, bench.load, None),
                     calibration=_left(output / CALIBRATION_FILE, calibration.load, None),
                     mutants=_left(output / MUTANTS_FILE, matrix.load, None),
                     autopsies=_left(output / AUTOPSY_FILE, autopsy.load, None),

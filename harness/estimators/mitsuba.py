@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from harness.machine.mitsuba_runtime import REFERENCE_VARIANT
+from harness.reference.prepare import INDEPENDENT
 from harness.reference.renderer import FILES_OWN, ReferenceRenderer
 from harness.scene import SceneFile
 
@@ -14,16 +15,20 @@ from harness.scene import SceneFile
 @dataclass(frozen=True)
 class Mitsuba:
     """`integrator`: the scene file's own, or another by name; `max_depth`: in place of the file's; `variant`: of
-    Mitsuba, such as llvm_ad_spectral."""
+    Mitsuba, such as llvm_ad_spectral; `sampler`: of Mitsuba, all but the independent one of which make the samples of a
+    replica depend on each other."""
 
     integrator: str = FILES_OWN
     max_depth: int | None = None
     variant: str = REFERENCE_VARIANT
+    sampler: str = INDEPENDENT
 
     @property
     def name(self) -> str:
-        """`mitsuba`, or `mitsuba path` where the integrator is named."""
-        return "mitsuba" if self.integrator == FILES_OWN else f"mitsuba {self.integrator}"
+        """`mitsuba`, or `mitsuba path` where the integrator is named, and the sampler where it is not the usual one."""
+        words = ("mitsuba", "" if self.integrator == FILES_OWN else self.integrator,
+                 "" if self.sampler == INDEPENDENT else self.sampler)
+        return " ".join(filter(None, words))
 
     def check(self, scene: SceneFile) -> str:
         """Whatever the integrator, it is taken at its word."""
@@ -36,7 +41,8 @@ class Mitsuba:
     @contextmanager
     def open(self, scene: SceneFile) -> Iterator[ReferenceRenderer]:
         """HarnessError for an unknown integrator or variant, SceneError where Mitsuba refuses the scene."""
-        renderer = ReferenceRenderer(scene, self.integrator, max_depth=self.max_depth, variant=self.variant)
+        renderer = ReferenceRenderer(scene, self.integrator, max_depth=self.max_depth, variant=self.variant,
+                                     sampler=self.sampler)
         try:
             yield renderer
         finally:

@@ -22,6 +22,8 @@ _log = logging.getLogger(__name__)
 # What only the harness has words for: shapes and textures that must be expanded with our reading of the scene at hand.
 OUR_PLUGINS = ("displacedsphere", *KINDS)
 OUR_PROPERTIES = ("motion",)
+# The sampler whose samples are independent of each other, as all that is said of their noise supposes.
+INDEPENDENT = "independent"
 # In what Mitsuba says: where in its own source it arose, and where in the scene.
 _SOURCE = re.compile(r"\[[\w.]+:\d+\] ")
 _PLACE = re.compile(r"At (?P<file>.+?) \(line (?P<line>\d+), col \d+\): ")
@@ -42,8 +44,8 @@ class Prepared:
     max_depth: int | None
 
 
-def prepare(file: SceneFile, variant: str = REFERENCE_VARIANT) -> Prepared:
-    """Any Mitsuba scene: box filter, float32 RGB film of the file's size, independent sampler; the rest as it stands.
+def prepare(file: SceneFile, variant: str = REFERENCE_VARIANT, sampler: str = INDEPENDENT) -> Prepared:
+    """Any Mitsuba scene: box filter, float32 RGB film of the file's size, `sampler`; the rest as it stands.
 
     The sensor's film and sampler are replaced, so nothing that the harness adds to a film or integrator reaches
     Mitsuba, and what it adds to shapes is expanded (see `expand_shapes`).
@@ -63,7 +65,7 @@ def prepare(file: SceneFile, variant: str = REFERENCE_VARIANT) -> Prepared:
     integrator, max_depth = "path", None
     for node in state.nodes:
         if node.type == mi.ObjectType.Sensor:
-            _equip(mi, node.props, state, film)
+            _equip(mi, node.props, state, film, sampler)
         elif node.type == mi.ObjectType.Integrator:
             integrator = str(node.props.plugin_name())
             depth = node.props.get("max_depth", -1)
@@ -129,7 +131,7 @@ def _reading(mi: Any, file: SceneFile, state: Any) -> Scene | None:
         return None
 
 
-def _equip(mi: Any, sensor: Any, state: Any, film: Film) -> None:
+def _equip(mi: Any, sensor: Any, state: Any, film: Film, sampler: str) -> None:
     """Give the sensor's properties a film and a sampler in place of what the file nests in it."""
     for key in list(sensor.keys()):
         value = sensor[key]
@@ -145,4 +147,4 @@ def _equip(mi: Any, sensor: Any, state: Any, film: Film) -> None:
     sensor["film"] = mi.load_dict({
         "type": "hdrfilm", "width": film.width, "height": film.height, "pixel_format": "rgb",
         "component_format": "float32", "rfilter": {"type": "box"}})
-    sensor["sampler"] = mi.load_dict({"type": "independent"})
+    sensor["sampler"] = mi.load_dict({"type": sampler})

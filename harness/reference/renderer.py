@@ -11,7 +11,7 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, import_mitsuba, use_reference_variant
 from harness.reference.motion import MovingShapes, moment, moments, samples_per_moment
-from harness.reference.prepare import Prepared, prepare, reason
+from harness.reference.prepare import INDEPENDENT, Prepared, prepare, reason
 from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest
@@ -44,13 +44,16 @@ class ReferenceRenderer:
     traits = Traits(repeats=False)  # to 5e-7: its threads add up in any order
 
     def __init__(self, scene: SceneFile, integrator: str = FILES_OWN, *, max_depth: int | None = None,
-                 variant: str = REFERENCE_VARIANT) -> None:
+                 variant: str = REFERENCE_VARIANT, sampler: str = INDEPENDENT) -> None:
         """Instantiate the scene's file. `integrator`: the file's own, or the name of another: Mitsuba's `path`, our
         `bsdf_path` without light sampling, or any that Mitsuba has. `max_depth`: in place of the file's.
 
+        `sampler`: with any other than the independent one the samples of a call depend on each other, so only whole
+        replicas of at most `samples_per_call` samples are independent, and batches of one replica are not.
+
         Raises HarnessError for an unknown integrator or variant, and whatever `prepare` raises.
         """
-        self.scene, self.variant = scene, variant
+        self.scene, self.variant, self.sampler = scene, variant, sampler
         if variant not in (known := import_mitsuba().variants()):
             raise HarnessError(f"unknown variant '{variant}'; allowed: {', '.join(known)}")
         self._prepared: Prepared | None = None
@@ -95,6 +98,7 @@ class ReferenceRenderer:
             "drjit": metadata.version("drjit"),
             "variant": self.variant,
             "code": code_digest(__name__),
+            **({} if self.sampler == INDEPENDENT else {"sampler": self.sampler}),
         }
 
     def render_batch(self, replica: int, start: int, count: int,
@@ -124,7 +128,7 @@ class ReferenceRenderer:
         self._prepared = self._moving_shapes = None
 
     def _instantiate(self) -> Prepared:
-        self._prepared = prepare(self.scene, self.variant)
+        self._prepared = prepare(self.scene, self.variant, self.sampler)
         if self._prepared.reading and motion.moving(self._prepared.reading):
             self._moving_shapes = MovingShapes(use_reference_variant(self.variant), self._prepared.scene,
                                                self._prepared.reading)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from harness.errors import HarnessError
-from harness.results import AutopsyScore, BenchRow, CoupledRecord, Exhibit, KillRecord, StudyResult
+from harness.results import AutopsyScore, Benchmark, CoupledRecord, Exhibit, KillRecord, StudyResult
 from harness.stats.calibration import Calibration
 from harness.studies.oracle import OracleFile
 
@@ -26,7 +26,7 @@ class Inputs:
 
     results: Sequence[StudyResult]
     profile: str
-    bench: Sequence[BenchRow] = ()
+    bench: Benchmark | None = None
     elapsed: Mapping[str, float] = field(default_factory=dict)
     exhibits: Sequence[Exhibit] = ()
     calibration: Calibration | None = None

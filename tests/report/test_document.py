@@ -23,16 +23,19 @@ from harness.report.blocks import Document
 from harness.report.chapters import scenes
 from harness.report.document import compose
 from harness.report.pages.typst import typeset
-from harness.results import BenchRow, StrategyResult, StudyResult
+from harness.results import Benchmark, BenchRow, SamplerRow, StrategyResult, StudyResult
 from harness.stats.bias import MeanErrorVerdict
 from harness.stats.convergence import Slope
 from harness.stats.findings import TileFinding
 from tests.support.report import with_curves, with_measured
 
-BENCH = (BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.3, opponent_rate=1.93, ratio=6.4, low=6.1,
+BENCH = Benchmark((
+         BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.3, opponent_rate=1.93, ratio=6.4, low=6.1,
                   high=6.7, wall_ratio=5.6, efficiency_ratio=6.8),
          BenchRow("spheres", "mixture", "bsdf_path", needed=4.0, tracer_rate=9.2, opponent_rate=2.7, ratio=3.4, low=3.3,
-                  high=3.6, wall_ratio=3.2, efficiency_ratio=3.3))
+                  high=3.6, wall_ratio=3.2, efficiency_ratio=3.3)), (
+         SamplerRow("diffuse", "cosine", "path", "independent", 64, best=False, gain=1.0, ratio=6.8, low=6.1, high=7.5),
+         SamplerRow("diffuse", "cosine", "path", "multijitter", 64, best=True, gain=6.1, ratio=1.1, low=1.0, high=1.2)))
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +75,7 @@ def test_the_pages_hold_every_section_figure_and_table_without_a_warning(output:
     assert [heading["text"] for heading in headings] == ["How to read this", "spheres", "furnace_convex", "Speed",
                                                          "Provenance"]
     kinds = json.loads(typst.query(main, "figure", field="kind", **settings))
-    assert kinds.count("table") == 1 + (3 + 2) + 1 + 4, "verdicts; accuracy, tiles and cost; speed; provenance"
+    assert kinds.count("table") == 1 + (3 + 2) + 2 + 4, "verdicts; accuracy, tiles and cost; speed, samplers; provenance"
     assert kinds.count("image") == 2 * 3, "images, curves, differences"
 
 
@@ -140,6 +143,14 @@ def test_a_benchmark_shows_which_targets_were_missed(output: Path) -> None:
     rows = next(chapter for chapter in chapters if chapter["title"] == "Speed")["blocks"][0]["rows"]
     assert [[cell["text"] for cell in row][-3] for row in rows] == ["reached", "missed"]
     assert [row[-3]["mark"] for row in rows] == ["pass", "fail"]
+
+
+def test_the_best_of_mitsubas_samplers_is_named(output: Path) -> None:
+    chapters = json.loads((output / "report.json").read_text())["chapters"]
+    _, sentence, table = next(chapter for chapter in chapters if chapter["title"] == "Speed")["blocks"]
+    assert "1.1\xa0× (diffuse, multijitter)" in sentence["text"]
+    assert [[cell["text"] for cell in row][-3:] for row in table["rows"]] == [
+        ["1.0\xa0×", "6.8\xa0×\xa0[6.1,\xa07.5]", ""], ["6.1\xa0×", "1.1\xa0×\xa0[1.0,\xa01.2]", "best"]]
 
 
 # ---- every field of a result

@@ -1,0 +1,45 @@
+"""What studies, gates, exhibits, benchmarks and mutants found, as plain values: read by `report` and the commands."""
+
+from harness.results.bench import Benchmark, BenchRow, SamplerRow
+from harness.results.exhibits import Exhibit, ExhibitImage, Finding, Plot, Series
+from harness.results.gates import (
+    AgreementRecord,
+    GateNumbers,
+    GateRecord,
+    LookRecord,
+    PartRecord,
+    PointRecord,
+    RungRecord,
+)
+from harness.results.mutants import Acquitted, AutopsyOutcome, AutopsyScore, KillRecord, MutantRecord, NamedMutant
+from harness.results.studies import REJECTED, SECONDS, CoupledRecord, Record, StrategyResult, StudyResult
+
+__all__ = [
+    "REJECTED",
+    "SECONDS",
+    "Acquitted",
+    "AgreementRecord",
+    "AutopsyOutcome",
+    "AutopsyScore",
+    "BenchRow",
+    "Benchmark",
+    "CoupledRecord",
+    "Exhibit",
+    "ExhibitImage",
+    "Finding",
+    "GateNumbers",
+    "GateRecord",
+    "KillRecord",
+    "LookRecord",
+    "MutantRecord",
+    "NamedMutant",
+    "PartRecord",
+    "Plot",
+    "PointRecord",
+    "Record",
+    "RungRecord",
+    "SamplerRow",
+    "Series",
+    "StrategyResult",
+    "StudyResult",
+]
