@@ -14,7 +14,13 @@ from harness.shader.scene.displaced import displaced, march_declarations
 from harness.shader.scene.environment import environment_function
 from harness.shader.scene.geometry import intersect_function, normal_function, projection_function
 from harness.shader.scene.literals import in_comment, number, vector
-from harness.shader.scene.materials import emission_function, material_function, switches, two_sided_function
+from harness.shader.scene.materials import (
+    black_function,
+    emission_function,
+    material_function,
+    switches,
+    two_sided_function,
+)
 from harness.shader.scene.motion import Motions
 from harness.shader.scene.textures import declarations, uv_users
 from harness.shader.scene.uv import uv_function
@@ -50,6 +56,7 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
         *projection_function(shapes, needed=bool(has["HAS_PROJECTION"])),
         *uv_function(shapes, uv_users(shapes)),
         *material_function(shapes),
+        *(black_function(shapes) if has["HAS_GLOSSY"] else []),
     ]
     if has["HAS_EMISSION"]:
         parts += emission_function(shapes)
