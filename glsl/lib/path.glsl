@@ -33,16 +33,18 @@ bool is_finite(vec3 v)
 // Two ways to keep the next ray from waiting, with the same bits. Each takes for granted what our own files do; where a
 // library has another in their place, it defines them as 0 (harness/shader/library.py).
 //
-// STARTS_AHEAD: beside every vertex of a path the camera ray of the pixel's next sample is made, and taken where the path
-// ends. Of the generator the two paths share, rng_state must be all the state. Not where spheres are displaced: most
-// iterations are then steps of a march. 11 % faster with AVX-512, up to 3 % without.
-#ifndef STARTS_AHEAD
-#define STARTS_AHEAD !HAS_DISPLACED
-#endif
 // ENDS_BY_DIRECTION: a direction above the surface has weight, which is known before the powers that are in it. (Where
 // nothing is glossy the weight is kd, and there as soon.) 19 % faster with AVX-512, up to 5 % without.
 #ifndef ENDS_BY_DIRECTION
 #define ENDS_BY_DIRECTION HAS_GLOSSY
+#endif
+// STARTS_AHEAD: beside every vertex of a path the camera ray of the pixel's next sample is made, and taken where the path
+// ends. The two paths share the generator, of which rng_state must be all the state. 11 % faster with the 32 registers of
+// AVX-512; with 16 up to 4 % slower, so it is for the device to define this as 1 (harness/gpu/device.py). Not where
+// spheres are displaced: most iterations are then steps of a march.
+#if !defined(STARTS_AHEAD) || HAS_DISPLACED
+#undef STARTS_AHEAD
+#define STARTS_AHEAD 0
 #endif
 
 // The camera ray of sample first + number of a pixel, and the generator as it stands behind it.

@@ -33,9 +33,9 @@ from harness.shader.scene.uv import uv_function
 # is longer than this, that is at most a quarter of what rays are lifted off surfaces by, and to project hits onto their
 # shapes would take 5 % more time and mend nothing. In the units of a scene's frame.
 LONGEST_UNPROJECTED = 128.0
-# Of an object axis in the world, the part that only rounding leaves off another: a rotation by a right angle has entries of
-# 6e-17 for zeros. As zeros they cost nothing: 2 % of spheres, and where denormals are not flushed, since noise is cubed
-# near its lattice, 40 % of procedural textures. float32 knows 6e-8 of the others.
+# Parts of an object axis that are smaller than this are rounding: a rotation by a right angle has entries of 6e-17 for
+# zeros. As zeros they cost nothing: 2 % of spheres, and where denormals are not flushed, since noise is cubed near its
+# lattice, 40 % of procedural textures. float32 knows 6e-8 of the others.
 ROUNDING = 1e-9
 
 
