@@ -25,10 +25,17 @@ vec4 lattice_values(uvec4 state)
     return vec4(word >> 8u);
 }
 
+// Whole numbers within ±2^22 as integers, modulo 2^32: beside 1.5 * 2^23, whose float32 spacing is 1, they are the last
+// bits. A conversion saturates on Mesa 25, and is made lane by lane: noise took 1.2 to 1.4 times as long.
+uvec3 whole(vec3 x)
+{
+    return floatBitsToUint(x + 12582912.0) - 0x4b400000u;
+}
+
 // Values at the corners of the cell of `corner` in steps of 2^-24: lower z, then upper; x runs first, then y.
 void cell_values(vec3 corner, uint seed, out vec4 lower, out vec4 upper)
 {
-    uvec3 cell = uvec3(ivec3(corner));
+    uvec3 cell = whole(corner);
     uint first = cell.x * NOISE_X + cell.y * NOISE_Y + cell.z * NOISE_Z + (seed * NOISE_SEED + NOISE_OFFSET);
     uvec4 state = first + uvec4(0u, NOISE_X, NOISE_Y, NOISE_X + NOISE_Y);
     lower = lattice_values(state);

@@ -2,7 +2,8 @@
 //
 // The functions are interposed by macros before the files that call them are read, so this changes no line of what it
 // observes, and fits any library that calls them by these names and signatures. What is observed is the shader of
-// production, `main` included: `accumulated` has its bits. The file with `main` is included as tap/main.glsl.
+// production, `main` included, in the plain form of its loop (see lib/path.glsl): `accumulated` has its bits. The file
+// with `main` is included as tap/main.glsl.
 //
 // Records are vec4 in a storage buffer, so that none of them is carried through the loop: of each pixel first those of
 // its path, then those of each vertex. Integers of 32 bits are two numbers, their upper and their lower half, which a

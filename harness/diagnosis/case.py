@@ -20,7 +20,7 @@ from harness.shader.scene.materials import switches
 OWN = {
     "generator": ("pcg_hash", "pixel_stream", "seed_sample", "rand"),
     "sampler": ("sample_phong", "sample_lobe", "sample_cosine", "sample_uniform", "direction_about", "to_world"),
-    "loop": ("trace_samples",),
+    "loop": ("trace_samples", "start_path", "goes_on"),
 }
 
 

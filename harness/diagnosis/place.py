@@ -40,8 +40,9 @@ def _place(case: Case, function: str, question: str) -> Place | None:
     at = known[function]
     content = dict(whole.files)[at.file].splitlines()
     wanted = QUESTIONS[question].line
+    computes = next((name for name in QUESTIONS[question].functions if name in known), "")
     lines = [number for number in range(at.line, at.last + 1)
-             if wanted and function == QUESTIONS[question].functions[0] and wanted in content[number - 1]]
+             if wanted and function == computes and wanted in content[number - 1]]
     number = lines[-1] if lines else at.line
     return Place(function, at.file, number, content[number - 1].strip())
 

@@ -29,17 +29,18 @@ class Question:
 
 _EXACT = "integers, or copies of what the shader itself computed: no rounding"
 _LOOP = ("trace_samples",)
+_START = ("start_path", *_LOOP)
 
 QUESTIONS = {question.name: question for question in (
     Question("pass", "which samples main asks for, and what becomes of their sum", "any difference", 0.0, _EXACT,
              ("main",)),
     Question("stream", "the pixel's stream of numbers", "different bits", 0.0, _EXACT, ("pixel_stream", "pcg_hash")),
-    Question("index", "the sample's index", "different bits", 0.0, _EXACT, _LOOP, "seed_sample("),
+    Question("index", "the sample's index", "different bits", 0.0, _EXACT, _START, "seed_sample("),
     Question("seed", "the generator's state after seeding", "different bits", 0.0, _EXACT,
              ("seed_sample", "pcg_hash")),
     Question("numbers", "random numbers and the generator's states", "any difference", 0.0, _EXACT, ("rand",)),
     Question("film", "the point of the film, and the numbers of the lens", "of the film's side", 1e-6,
-             "(pixel + number) / size in float32", _LOOP, "_ray("),
+             "(pixel + number) / size in float32", _START, "_ray("),
     Question("time", "the number that makes the path's time", "of the shutter's interval", 0.0, _EXACT, _LOOP,
              "set_time("),
     Question("moment", "the time that set_time makes of it", "of the interval's ends", 1e-6, "one float32 product",

@@ -11,7 +11,7 @@ from typing import Any
 import moderngl
 
 from harness.errors import MachineError
-from harness.gpu.device import Device
+from harness.gpu.device import Device, cpu_features
 from harness.shader.source import ShaderSource
 
 # One triangle that covers the viewport; texcoord is (0,0) at the bottom left and (1,1) at the top right.
@@ -62,7 +62,7 @@ def context() -> moderngl.Context:
 def adopt(created: moderngl.Context) -> None:
     """Make a context this thread's, in which all is drawn from now on: a window's, say. GL objects of an earlier one
     must not be used any more."""
-    _local.device = Device.of(created.info)
+    _local.device = Device.of(created.info, cpu_features())
     if _local.device.compiles_twice:
         _halve_compilation(created)
     _local.owner, _local.context = os.getpid(), created

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
+
+from harness.shader.source import ShaderSource, with_defines
 
 # What Mesa's software rasterisers call themselves; they draw on the CPU, in the process's own threads.
 SOFTWARE = ("llvmpipe", "softpipe", "swr")
@@ -18,6 +21,7 @@ class Device:
     `max_iterations`: how many iterations of all its loops an invocation may make, where the driver has a limit that it
     keeps in silence. `least_rows`: bands of an image any lower would starve it. `compiles_twice`: whether it compiles a
     fragment shader once for tiles that a triangle covers whole and once for its edges, unless blending is on.
+    `starts_ahead`: whether a path's camera ray is best made beside the path before it (see glsl/lib/path.glsl).
     """
 
     name: str
@@ -27,18 +31,35 @@ class Device:
     max_iterations: int
     least_rows: int
     compiles_twice: bool
+    starts_ahead: bool = False
 
     @classmethod
-    def of(cls, info: Mapping[str, str]) -> Device:
-        """From the strings of a GL context, as moderngl's `info` has them."""
+    def of(cls, info: Mapping[str, str], features: frozenset[str] = frozenset()) -> Device:
+        """From the strings of a GL context, as moderngl's `info` has them, and the CPU's features."""
         name = info["GL_RENDERER"]
         software = name.startswith(SOFTWARE)
         # Past about 65,535 iterations of all loops of one invocation llvmpipe of Mesa 22 leaves the loop without an
         # error and the result is wrong; half of that leaves room for every loop the driver may add. Mesa 25 and
         # hardware have no such limit, but time, which bands and passes keep: the same bound is no hardship there.
         return cls(name, info["GL_VERSION"], info["GL_VENDOR"], "cpu" if software else "gpu",
-                   max_iterations=32_768, least_rows=64, compiles_twice=name.startswith("llvmpipe"))
+                   max_iterations=32_768, least_rows=64, compiles_twice=name.startswith("llvmpipe"),
+                   starts_ahead=software and "avx512vl" in features)
+
+    def fitted(self, source: ShaderSource) -> ShaderSource:
+        """A tracer as this device runs it fastest; its bits are those of the source."""
+        if self.starts_ahead and "STARTS_AHEAD" in source.text:
+            return with_defines(source, {"STARTS_AHEAD": 1})
+        return source
 
     def describe(self) -> dict[str, str]:
         """Renderer, version and vendor strings, for keys and provenance."""
         return {"gl_renderer": self.name, "gl_version": self.version, "gl_vendor": self.vendor}
+
+
+def cpu_features() -> frozenset[str]:
+    """What Linux says that this machine's processor can do, by its own names; nothing elsewhere."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return frozenset()
+    return frozenset(next((line.partition(":")[2] for line in lines if line.startswith("flags")), "").split())

@@ -41,7 +41,8 @@ class TracerRenderer:
         self._samplers = Samplers(scene)
         iterations = scene.max_depth * (1 + march_steps(scene.shapes))  # of one sample, at most
         try:
-            self._pingpong = PingPong(self.source, (scene.width, scene.height), NATIVE, self._samplers.bind, iterations)
+            self._pingpong = PingPong(device().fitted(self.source), (scene.width, scene.height), NATIVE,
+                                      self._samplers.bind, iterations)
         except BaseException:
             self._samplers.release()
             raise

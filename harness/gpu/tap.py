@@ -131,6 +131,7 @@ def tapped(scene: Scene, strategy: str, library: Library) -> ShaderSource:
     whole = functions(library.assembled(library.main, generated))
     has = {name: int(all(_has(whole, signature) for signature in signatures))
            for name, signatures in OPTIONAL.items()}
+    has["ENDS_BY_DIRECTION"] = 0  # so that a path ends where its throughput does, and is judged by that
     has["TAP_HAS_STATE"] = int("uint rng_state;" in library.assembled("lib/random.glsl", generated).text)
     return library.assembled("probes/tap.glsl", {**generated, INCLUDED_MAIN: f'#include "{library.main}"\n'}, has)
 

@@ -16,6 +16,8 @@ from harness.shader.source import ShaderSource, assemble
 
 MAIN = "path_tracer.frag"
 GENERATED = "scene.glsl"  # written from the scene
+# What lib/path.glsl takes for granted of our own files, by the define that says so: 0 where one of them is another's.
+GRANTED = {"STARTS_AHEAD": ("lib/random.glsl",), "ENDS_BY_DIRECTION": ("lib/phong.glsl", "lib/sampling.glsl")}
 SUFFIXES = (".glsl", ".frag")
 
 
@@ -111,8 +113,12 @@ class Library:
     def assembled(self, main: str, generated: Mapping[str, str] | None = None,
                   defines: Mapping[str, object] | None = None) -> ShaderSource:
         """`main` with all that it includes; `generated` and `defines` as for `assemble`."""
-        return assemble(main, data_dir("glsl"), {**self._texts(), **(generated or {})},
-                        {**dict(self.defines), **(defines or {})}, {file.name: file.shown for file in self.files})
+        texts = self._texts()
+        changed = {name for name, text in texts.items() if text != _ours().get(name)}
+        not_granted = {name: 0 for name, files in GRANTED.items() if changed.intersection(files)}
+        return assemble(main, data_dir("glsl"), {**texts, **(generated or {})},
+                        {**not_granted, **dict(self.defines), **(defines or {})},
+                        {file.name: file.shown for file in self.files})
 
     def _texts(self) -> dict[str, str]:
         """The files that differ from ours, by name."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from harness.errors import ShaderError
@@ -48,6 +48,14 @@ class ShaderSource:
                 shown = lines[number - 1].strip() if 1 <= number <= len(lines) else ""
                 return ShaderError(f"{name}:{number}: {found['text'].strip()}; in the line `{shown}`")
         return ShaderError(f"{self.files[0][0]}: {' '.join(log.split())}")
+
+
+def with_defines(source: ShaderSource, defines: Mapping[str, object]) -> ShaderSource:
+    """The same text with macros before all else, but for those that it begins with already."""
+    version, _, rest = source.text.partition("\n")
+    head = rest.partition("#line")[0]
+    new = [f"#define {name} {value}" for name, value in defines.items() if f"#define {name} " not in head]
+    return replace(source, text="\n".join([version, *new, rest]))
 
 
 def assemble(main: str, root: Path, generated: Mapping[str, str] | None = None,

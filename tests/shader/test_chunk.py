@@ -166,3 +166,19 @@ def test_geometric_normal_is_perpendicular_under_shear() -> None:
         normal = geometric_normal(Shape("rectangle", tuple(map(tuple, matrix.tolist())), GREY, flip_normals=flip))
         np.testing.assert_allclose(normal @ np.c_[matrix[:3, :2], normal], [0, 0, 1], atol=1e-12)
         assert (normal @ matrix[:3, 2] > 0) != flip
+
+
+def test_rounding_of_right_angles_is_written_as_zero() -> None:
+    """And nothing else: a tilt of 1e-6 stays, and so do the entries of a shape that is a billionth of a unit wide."""
+    quarter, tilt = (np.eye(4) for _ in range(2))
+    for turn, angle in ((quarter, np.pi / 2), (tilt, 1e-6)):
+        turn[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    assert quarter[1, 1] != 0
+    tiny = np.diag([1e-9, 1e-9, 1e-9, 1.0])
+    places = (tuple(map(tuple, matrix.tolist())) for matrix in (quarter, tilt, quarter @ tiny))
+    shapes = [Shape("rectangle", place, GREY) for place in places]
+    turned, tilted, small = (row for row in scene_chunk(scene_of(*shapes), "cosine").splitlines()
+                             if "= hit_rectangle(" in row)
+    assert "vec4(0.0, 0.0, 1.0, 0.0), vec4(0.0, -1.0, 0.0, 0.0)" in turned
+    assert "vec4(0.0, 1.0, 1.0e-06, 0.0), vec4(0.0, -1.0e-06, 1.0, 0.0)" in tilted
+    assert "vec4(1.0e+09, 0.0, 0.0, 0.0), vec4(0.0, 0.0, 1.0e+09, 0.0), vec4(0.0, -1.0e+09, 0.0, 0.0)" in small

@@ -61,6 +61,13 @@ def two_sided_function(shapes: Sequence[Shape]) -> list[str]:
     return function("bool is_two_sided(int id)", [*body, "return value;"])
 
 
+def black_function(shapes: Sequence[Shape]) -> list[str]:
+    """`is_black`: whether shape `id` reflects nothing anywhere."""
+    body = selected("bool", "value", [str(is_black(s.material.kd) and is_black(s.material.ks)).lower() for s in shapes],
+                    "true")
+    return function("bool is_black(int id)", [*body, "return value;"])
+
+
 def _constant(material: Material) -> str:
     alpha = material.alpha if isinstance(material.alpha, float | int) else 1.0
     return (f"Material({_colour(material.kd)}, {_colour(material.ks)}, {number(alpha)}, "
