@@ -75,7 +75,7 @@ def test_the_pages_hold_every_section_figure_and_table_without_a_warning(output:
     assert [heading["text"] for heading in headings] == ["How to read this", "spheres", "furnace_convex", "Speed",
                                                          "Provenance"]
     kinds = json.loads(typst.query(main, "figure", field="kind", **settings))
-    assert kinds.count("table") == 1 + (3 + 2) + 2 + 4, "verdicts; accuracy, tiles and cost; speed, samplers; provenance"
+    assert kinds.count("table") == 1 + (3 + 2) + 2 + 4, "verdicts; accuracy, tiles, cost; speed, samplers; provenance"
     assert kinds.count("image") == 2 * 3, "images, curves, differences"
 
 
