@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from harness.errors import HarnessError
 from harness.samples.estimate import Estimate, luminance
+from harness.samples.spent import spent
 from harness.samples.tone import encode_srgb
 from harness.stats.bias import error_scale
 from harness.stats.channels import Channel
@@ -185,6 +186,7 @@ METRICS: tuple[Metric, ...] = (
 )
 
 
+@spent("metrics")
 def measure(test: np.ndarray, reference: Estimate, exposure: float, *, at_prefixes: bool | None = None,
             ) -> dict[str, float]:
     """All metrics of an image (H, W, 3) by name; those that are measured along curves, or the others, where asked.

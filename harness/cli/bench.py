@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.options import BENCH_FILE, DeviceOption
+from harness.cli.options import BENCH_FILE, DeviceOption, ProfileTimeOption
 from harness.cli.output import JsonOption, print_json, print_rich, progress
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ def bench(
     output: Annotated[Path, typer.Option("--output", "-o", help="JSON file to keep the result in, for the report.")]
     = Path("reports/out") / BENCH_FILE,
     device: DeviceOption = None,
+    profile_time: ProfileTimeOption = False,
     json: JsonOption = False,
 ) -> int:
     """Measure the tracer's speed against Mitsuba's, and what features cost, interleaved, by the clock of each

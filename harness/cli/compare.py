@@ -16,6 +16,7 @@ from harness.cli.options import (
     ConfidenceOption,
     DepthOption,
     DeviceOption,
+    ProfileTimeOption,
     SizeOption,
     ToleranceOption,
     warn_of_other_scene,
@@ -62,6 +63,7 @@ def compare(
     confidence: ConfidenceOption = 0.95,
     exposure: Annotated[float | None, typer.Option(min=-MAX_EXPOSURE, max=MAX_EXPOSURE, help="Stops, for the display "
                                                    "metrics; otherwise the reference file's own, or 0.")] = None,
+    profile_time: ProfileTimeOption = False,
     json: JsonOption = False,
 ) -> int:
     """Compare anybody's renders with a reference: every metric, and whether the means agree within the tolerance.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.options import CacheOption, DeviceOption, open_store
+from harness.cli.options import CacheOption, DeviceOption, ProfileTimeOption, open_store
 from harness.cli.output import JsonOption, print_json, print_rich, progress
 from harness.errors import HarnessError, MachineError
 
@@ -28,6 +28,7 @@ def gate(
                                         "four times their samples.")] = False,
     cache: CacheOption = True,
     device: DeviceOption = None,
+    profile_time: ProfileTimeOption = False,
     json: JsonOption = False,
 ) -> int:
     """Run tolerance gates: each draws samples until it is decided or its budget ends.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harness.cli.output import log
+from harness.cli.output import log, print_spending
 from harness.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -46,6 +46,20 @@ SppOption = Annotated[int, typer.Option("--spp", min=1, max=MAX_SPP, help="Sampl
 CacheOption = Annotated[bool, typer.Option("--cache/--no-cache", help="Keep batches on disk, and use those kept.")]
 DeviceOption = Annotated[int | None, typer.Option("--device", min=0, callback=lambda number: choose_device(number),
                                                   help="EGL device to draw on, as `harness doctor` numbers them.")]
+
+
+def _profile_time(context: typer.Context, asked: bool) -> bool:
+    """Count from now on what the time of this command goes to, and print it at its end, however that comes."""
+    if asked:
+        from harness.samples.spent import watch
+
+        spending = watch()
+        context.call_on_close(lambda: print_spending(spending))
+    return asked
+
+
+ProfileTimeOption = Annotated[bool, typer.Option("--profile-time", callback=_profile_time, help=(
+    "Print on stderr at the end what the elapsed time went to."))]
 ToleranceOption = Annotated[float, typer.Option("--tolerance", min=1e-9, max=1.0,
                                                 help="Bias, relative to the mean, that still counts as equivalent.")]
 ConfidenceOption = Annotated[float, typer.Option("--confidence", min=0.5, max=0.999999,

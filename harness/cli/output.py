@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.progress import Progress
 
+    from harness.samples.spent import Spending
+
 _UNWRAPPED = 1000  # columns, more than any line of a table needs
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
@@ -45,6 +47,18 @@ def to_json(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     return value
+
+
+def print_spending(spending: Spending) -> None:
+    """On stderr: what a command's elapsed time went to, the most first, and the share outside the renderers."""
+    from harness.samples.spent import unwatch
+
+    unwatch()
+    rows = spending.table()
+    whole = sum(seconds for _, seconds in rows)
+    for name, seconds in (*rows, ("elapsed", whole)):
+        log(f"time: {seconds:9.2f} s {seconds / whole if whole else 0.0:6.1%}  {name}")
+    log(f"time: {spending.outside():.1%} outside the renderers")
 
 
 def print_rich(renderable: RenderableType) -> None:

@@ -13,6 +13,7 @@ from harness.cli.options import (
     CacheOption,
     DepthOption,
     DeviceOption,
+    ProfileTimeOption,
     SceneArgument,
     SetOption,
     SizeOption,
@@ -52,6 +53,7 @@ def render(
     output: OutputOption = None,
     cache: CacheOption = True,
     device: DeviceOption = None,
+    profile_time: ProfileTimeOption = False,
     json: JsonOption = False,
 ) -> None:
     """Render a scene with the GLSL path tracer.
@@ -84,6 +86,7 @@ def reference(
     = "llvm_ad_rgb",
     output: OutputOption = None,
     cache: CacheOption = True,
+    profile_time: ProfileTimeOption = False,
     json: JsonOption = False,
 ) -> None:
     """Render any Mitsuba 3 scene with Mitsuba, ours with the equivalent Phong BSDF.

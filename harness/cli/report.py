@@ -15,6 +15,7 @@ from harness.cli.options import (
     CALIBRATION_FILE,
     MUTANTS_FILE,
     DeviceOption,
+    ProfileTimeOption,
     open_scene,
     open_store,
 )
@@ -35,6 +36,7 @@ def report(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for report.pdf and report.html.")]
     = Path("reports/out"),
     device: DeviceOption = None,
+    profile_time: ProfileTimeOption = False,
     json: JsonOption = False,
 ) -> int:
     """Study every scene with every strategy that suits it, and set the results as a PDF and an HTML page.

@@ -15,6 +15,7 @@ from harness.cli.options import (
     DepthOption,
     DeviceOption,
     ExecutorOption,
+    ProfileTimeOption,
     SceneArgument,
     SetOption,
     SizeOption,
@@ -58,6 +59,7 @@ def study(
     = os.cpu_count() or 1,
     cache: CacheOption = True,
     device: DeviceOption = None,
+    profile_time: ProfileTimeOption = False,
     json: JsonOption = False,
 ) -> int:
     """Measure how each strategy converges to the reference on a scene, and what equal error costs.

@@ -21,6 +21,7 @@ from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
 from harness.samples.keys import digest
 from harness.samples.readers import read_image
+from harness.samples.spent import spent
 from harness.samples.traits import Traits
 from harness.scene.file import SceneFile
 
@@ -123,6 +124,7 @@ class CommandRenderer:
         """The command line and the scene; what the program is made of, nobody knows."""
         return {"renderer": "command", "command": self._command.template, "scene": self._hash}
 
+    @spent("program")
     def render_batch(self, replica: int, start: int, count: int, advance: Advance | None = None) -> Batch:
         """One run of `count` samples per pixel, its seed by the replica.
 

@@ -14,6 +14,7 @@ from harness.progress import Advance
 from harness.samples.cost import Cost, Watch, cpu
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest, digest
+from harness.samples.spent import spent
 from harness.samples.traits import Traits
 from harness.scene.file import SceneFile
 from harness.shader.contract import Contract, Law
@@ -97,6 +98,7 @@ class ShaderRenderer:
                 "run": str(self._estimator.run), "encoding": self._estimator.encoding,
                 "code": code_digest("harness.strangers.child"), **facts}
 
+    @spent("shader of others")
     def render_batch(self, replica: int, start: int, count: int, advance: Advance | None = None) -> Batch:
         """Frames start … start+count-1 of a replica. HarnessError for frames beyond the replica's own; ShaderError, in
         one line, where a frame takes too long or the driver with it."""

@@ -13,6 +13,7 @@ from harness.gpu.samplers import Samplers
 from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest, digest
+from harness.samples.spent import spent
 from harness.samples.traits import Traits
 from harness.scene.model import Scene
 from harness.shader.hosts.base import SEEDS
@@ -33,6 +34,7 @@ class TracerRenderer:
 
     traits = Traits()
 
+    @spent("tracer")
     def __init__(self, scene: Scene, strategy: str, source: ShaderSource | None = None) -> None:
         """Compile; `source` replaces the shader (an own shader under test, a mutant). Raises ShaderError."""
         self.scene = scene
@@ -59,6 +61,7 @@ class TracerRenderer:
             **describe_gl(),
         }
 
+    @spent("tracer")
     def render_batch(self, replica: int, start: int, count: int,
                      advance: Callable[[float], None] | None = None) -> Batch:
         """Samples start … start+count-1 of one replica; `advance(n)` is told of every n samples per pixel done."""

@@ -16,6 +16,7 @@ from types import ModuleType
 
 from harness.errors import MachineError
 from harness.machine.llvm_beside import LLVM_VARIABLE, OLDEST_LLVM, library_beside
+from harness.samples.spent import spent
 
 LLVM_WHEEL = "karellen-llvm-core"
 REFERENCE_VARIANT = "llvm_ad_rgb"
@@ -76,6 +77,7 @@ def llvm_version(path: Path) -> tuple[int, int, int] | None:
 
 
 @functools.cache
+@spent("packages")
 def import_mitsuba() -> ModuleType:
     """Mitsuba, imported with a usable LLVM; no variant is set.
 

@@ -33,6 +33,7 @@ from harness.reference.prepare import prepare
 from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest
+from harness.samples.spent import spent
 from harness.samples.traits import Traits
 from harness.scene import Scene, SceneFile, load
 from harness.scene.model import is_black
@@ -144,6 +145,7 @@ class CoupledRenderer:
         """Let go of Mitsuba's scenes: see `ReferenceRenderer.release`."""
         del self._still, self._movers, self.shapes, self.sensor
 
+    @spent("Mitsuba, coupled")
     def render_batch(self, replica: int, start: int, count: int,
                      advance: Callable[[int], None] | None = None) -> Batch:
         """Samples start … start+count-1 of one replica. A sample that is not finite is left out, and counted."""

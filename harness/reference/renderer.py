@@ -15,6 +15,7 @@ from harness.reference.prepare import INDEPENDENT, Prepared, prepare, reason
 from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest
+from harness.samples.spent import spent
 from harness.samples.traits import Traits
 from harness.scene import SceneFile, motion
 
@@ -43,6 +44,7 @@ class ReferenceRenderer:
 
     traits = Traits(repeats=False)  # to 5e-7: its threads add up in any order
 
+    @spent("Mitsuba")
     def __init__(self, scene: SceneFile, integrator: str = FILES_OWN, *, max_depth: int | None = None,
                  variant: str = REFERENCE_VARIANT, sampler: str = INDEPENDENT) -> None:
         """Instantiate the scene's file. `integrator`: the file's own, or the name of another: Mitsuba's `path`, our
@@ -101,6 +103,7 @@ class ReferenceRenderer:
             **({} if self.sampler == INDEPENDENT else {"sampler": self.sampler}),
         }
 
+    @spent("Mitsuba")
     def render_batch(self, replica: int, start: int, count: int,
                      advance: Callable[[int], None] | None = None) -> Batch:
         """Samples start … start+count-1 of one replica; `advance(n)` is told of every n samples per pixel done.

@@ -12,6 +12,7 @@ from harness.report.chapters import chapters
 from harness.report.inputs import Inputs
 from harness.report.pages.html import html_page
 from harness.report.pages.typst import typeset
+from harness.samples.spent import spent
 
 TITLE = "GLSL path tracer against Mitsuba 3"
 
@@ -25,8 +26,11 @@ def build_report(inputs: Inputs, output_dir: str | Path) -> Path:
     """
     output = Path(output_dir)
     require_writable(output / PDF_FILE)
-    document = compose(inputs)
-    assets, pdf = document.assets(), typeset(document)
+    with spent("figures"):
+        document = compose(inputs)
+        assets = document.assets()
+    with spent("PDF"):
+        pdf = typeset(document)
     figures = {f"{FIGURES_FOLDER}/{name}": content for name, content in assets.items()}
     files = {**figures, DATA_FILE: document.json(indent=1).encode(), HTML_FILE: html_page(document).encode(),
              PDF_FILE: pdf}

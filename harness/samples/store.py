@@ -16,6 +16,7 @@ from harness.files import write_atomically
 from harness.samples.estimate import Batch
 from harness.samples.exr import read_batch, write_batch
 from harness.samples.keys import digest
+from harness.samples.spent import spent
 
 # Samples per pixel of the longest batch; within what one Mitsuba pass can sum in float32 without visible rounding.
 LONGEST_BATCH = 128
@@ -87,6 +88,7 @@ class Store:
         elif not self._once(key, replica, start, count).exists() and self.get(key, replica, start, count) is None:
             self._write(self._once(key, replica, start, count), key, replica, start, _compact(render()))
 
+    @spent("store, writing")
     def _write(self, path: Path, key: Mapping[str, str], replica: int, start: int, batch: Batch) -> None:
         if not path.with_name("key.json").exists():
             with write_atomically(path.with_name("key.json")) as partial:
@@ -135,6 +137,7 @@ class Store:
     def _once(self, key: Mapping[str, str], replica: int, start: int, count: int) -> Path:
         return self._path(key, replica, start, count).with_suffix(".once.exr")
 
+    @spent("store, reading")
     def _read(self, path: Path) -> Batch | None:
         try:
             if not path.exists():

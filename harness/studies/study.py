@@ -18,6 +18,7 @@ from harness.progress import Advance, Progress, quiet
 from harness.results import StrategyResult, StudyResult
 from harness.samples.cost import Cost
 from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminance
+from harness.samples.spent import spent
 from harness.samples.store import Store
 from harness.scene import Film, Scene, SceneFile, describe, file_of, load, present
 from harness.shader.strategies import Strategy, suitable_strategies
@@ -190,10 +191,12 @@ class _Replicas:
 
         # For tiles as well: of uneven sizes, yet more of them and so sharper than if all were made as long as the last.
         for batch in equal_batches(measured(), self.spp):
-            self.total.add(batch)
-            self.tiles.add(with_luminance(batch.mean), batch.samples)
+            with spent("statistics"):
+                self.total.add(batch)
+                self.tiles.add(with_luminance(batch.mean), batch.samples)
         self.curves.append(curve)
 
+    @spent("statistics")
     def result(self, plan: Plan, file: SceneFile) -> StrategyResult:
         merged = self.total.estimate()
         strategy, scene, reference = self.strategy, self.scene, self.reference.estimate
