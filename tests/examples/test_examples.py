@@ -20,6 +20,7 @@ HERE = Path(__file__).parent
 BALL = SceneFile(HERE / "ball.xml", size=(32, 24))
 # Of the mean: what so few samples decide.
 TOLERANCE = 0.01
+SPP = 16
 
 
 def numpy_tracer(folder: Path, old: str = "", new: str = "") -> Command:
@@ -43,7 +44,7 @@ def truth() -> Estimate:
 
 
 def test_the_example_renders_its_scene(tmp_path: Path, truth: Estimate) -> None:
-    verdict = judge(drawn(numpy_tracer(tmp_path), 8, 64), truth, tolerance=TOLERANCE)
+    verdict = judge(drawn(numpy_tracer(tmp_path), 8, SPP), truth, tolerance=TOLERANCE)
     assert verdict.outcome == "pass", verdict.reason
 
 
@@ -52,7 +53,7 @@ def test_the_example_renders_its_scene(tmp_path: Path, truth: Estimate) -> None:
     ("mask * ALBEDO[which])", "mask * ALBEDO[which] * 0.97)")])
 def test_an_error_in_it_is_found(tmp_path: Path, truth: Estimate, right: str, wrong: str) -> None:
     """Light without throughput, an eye that is too near, an albedo that is too dark."""
-    verdict = judge(drawn(numpy_tracer(tmp_path, right, wrong), 8, 64), truth, tolerance=TOLERANCE)
+    verdict = judge(drawn(numpy_tracer(tmp_path, right, wrong), 8, SPP), truth, tolerance=TOLERANCE)
     assert verdict.outcome == "fail"
 
 

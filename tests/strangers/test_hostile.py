@@ -15,7 +15,7 @@ from tests.strangers.hostile import HOSTILE, SUM, Hostile, body, toy
 
 SIZE = (16, 12)
 # Those whose process has to go need not be waited for.
-SHORT = Limits(first=2.0, least=1.0, memory=1 << 30, threads=1)
+SHORT = Limits(first=1.0, least=0.5, memory=1 << 30, threads=1)
 
 
 def sentences(hostile: Hostile, folder: Path, process: Process) -> list[str]:
