@@ -22,8 +22,9 @@ from harness.errors import HarnessError, MachineError
 COMMANDS = {
     "doctor": "doctor", "render": "render", "reference": "render", "compare": "compare", "study": "study",
     "report": "report", "gallery": "gallery", "bench": "bench", "calibrate": "calibrate", "gate": "gate",
-    "mutants": "mutants", "autopsy": "autopsy", "oracle": "oracle", "check": "check", "check-library": "library",
-    "grade": "grade", "export": "export", "new-shader": "new", "new-scene": "new", "view": "view",
+    "mutants": "mutants", "autopsy": "autopsy", "oracle": "oracle", "causes": "causes", "check": "check",
+    "check-library": "library", "grade": "grade", "export": "export", "new-shader": "new", "new-scene": "new",
+    "view": "view",
 }  # name of the command (and of its function) -> module under harness.cli
 
 EXIT_USAGE = 2

@@ -52,6 +52,7 @@ def report(
     from harness.files import data_dir, require_writable
     from harness.mutants import autopsy, matrix
     from harness.report import Inputs, build_report
+    from harness.studies.causes import causes_file, load_causes
     from harness.studies.memo import remembered_study
     from harness.studies.oracle import load_oracle, oracle_file
     from harness.studies.plan import PROFILES, judged
@@ -88,7 +89,8 @@ def report(
                     calibration=_left(output / CALIBRATION_FILE, calibration.load, None),
                     mutants=_left(output / MUTANTS_FILE, matrix.load, None),
                     autopsies=_left(output / AUTOPSY_FILE, autopsy.load, None),
-                    oracle=_left(oracle_file(), load_oracle, None))
+                    oracle=_left(oracle_file(), load_oracle, None),
+                    causes=_left(causes_file(), load_causes, None))
     pdf = build_report(inputs, output)
     items = {f"{result.scene} {item.strategy}": item
              for result in results for item in result.strategies if item.suits}

@@ -65,7 +65,7 @@ def check_shader(shader: Shader, scene: SceneFile | None = None, *, size: tuple[
         return Checked(found, judged)
     diagnosis = diagnose(judged.scene, judged.found, judged.reference, store=store, progress=progress)
     with progress(None, f"{shader.name} repairs"):
-        proof = repaired(shader, diagnosis, scene, store=store, budget=budget, tolerance=tolerance)
+        proof = repaired(shader, diagnosis, scene, store=store, budget=budget, tolerance=tolerance, spp=spp)
     return Checked(found, judged, diagnosis, proof)
 
 

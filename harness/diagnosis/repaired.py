@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from harness.diagnosis.causes import Diagnosis, repairs
 from harness.diagnosis.stranger import Judged, judge_stranger
@@ -41,10 +42,10 @@ class Repaired:
 
 
 def repaired(shader: Shader, diagnosis: Diagnosis, scene: SceneFile, *, store: Store | None = None,
-             budget: float = 60.0, tolerance: float | None = None) -> Repaired | None:
+             budget: float = 60.0, tolerance: float | None = None, spp: int | None = None) -> Repaired | None:
     """The first known repair of a likely cause with which the shader passes; None where none does.
 
-    Nothing of the author's is changed: copies are judged.
+    Nothing of the author's is changed: copies are judged. Further arguments as `judge_stranger` has them.
     """
     causes = dict.fromkeys(name for cause in diagnosis.causes for name in (cause.id, *cause.alike) if name)
     tried: set[str] = set()
@@ -56,7 +57,8 @@ def repaired(shader: Shader, diagnosis: Diagnosis, scene: SceneFile, *, store: S
                 if len(tried) == TRIED:
                     return None
                 tried.add(repair.text)
-                judged = _judged(shader, root, file, repair.text, scene, store, budget, tolerance)
+                judged = _judged(shader, root, file, repair.text, scene, store=store, budget=budget,
+                                 tolerance=tolerance, spp=spp)
                 if judged is not None and judged.outcome == "pass":
                     return Repaired(f"{file}:{repair.line}", repair.before, repair.after, repair.says, judged)
     return None
@@ -70,8 +72,7 @@ def _texts(files: Sequence[Path]) -> Iterator[tuple[Path, Path]]:
                 yield root, file
 
 
-def _judged(shader: Shader, root: Path, file: Path, text: str, scene: SceneFile, store: Store | None, budget: float,
-            tolerance: float | None) -> Judged | None:
+def _judged(shader: Shader, root: Path, file: Path, text: str, scene: SceneFile, **options: Any) -> Judged | None:
     """The verdict on a copy with one text exchanged; None where it does not run."""
     with tempfile.TemporaryDirectory(prefix="harness-repair-") as folder:
         copies = []
@@ -89,8 +90,8 @@ def _judged(shader: Shader, root: Path, file: Path, text: str, scene: SceneFile,
                 (copy / file.relative_to(each) if each.is_dir() else copy).write_text(text, encoding="utf-8")
             copies.append(copy)
         try:
-            return judge_stranger(replace(shader, files=tuple(copies), contract=None), scene, store=store,
-                                  budget=budget, tolerance=tolerance, transforms=False)
+            return judge_stranger(replace(shader, files=tuple(copies), contract=None), scene, transforms=False,
+                                  **options)
         except (MachineError, StoreError):
             raise
         except HarnessError:

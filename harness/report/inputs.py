@@ -10,6 +10,7 @@ from functools import cached_property
 from harness.errors import HarnessError
 from harness.results import AutopsyScore, Benchmark, CoupledRecord, Exhibit, KillRecord, StudyResult
 from harness.stats.calibration import Calibration
+from harness.studies.causes import CausesFile
 from harness.studies.oracle import OracleFile
 
 
@@ -21,7 +22,7 @@ class Inputs:
     by name. The rest as far as it was measured: `bench`, `mutants`: what `harness bench` and `harness mutants` found;
     `exhibits`: the handout's errors; `calibration`: the verdicts' own errors; `coupled`: the tracer against the oracle
     that draws its random numbers; `autopsies`: what these name of mutants; `oracle`: that oracle against Mitsuba's own
-    `path`, once and at length.
+    `path`, once and at length; `causes`: how often diagnoses name them.
     """
 
     results: Sequence[StudyResult]
@@ -34,6 +35,7 @@ class Inputs:
     coupled: Sequence[CoupledRecord] = ()
     autopsies: AutopsyScore | None = None
     oracle: OracleFile | None = None
+    causes: CausesFile | None = None
 
     def __post_init__(self) -> None:
         names = [result.scene for result in self.results]

@@ -44,7 +44,8 @@ class Estimate:
     `mean`, `variance`: (H, W, 3); `luminance_variance`: (H, W); variances are of the mean, not of one sample.
     `image_mean`, `image_variance`: (4,), the mean over all pixels of red, green, blue, luminance, and the variance
     of those four by batch means, which assumes nothing about correlation between pixels.
-    Variances are NaN with fewer than two batches, and zero for an exact answer (`batches` = 0).
+    Variances are NaN with fewer than two batches, and zero for an exact answer (`batches` = 0). `third`: (H, W, 3), the
+    third central moment of the mean; None where it is not known, as of fewer than three batches.
     """
 
     mean: np.ndarray
@@ -56,6 +57,7 @@ class Estimate:
     batches: int
     rejected: int = 0
     cost: Cost = field(default_factory=Cost.unknown)
+    third: np.ndarray | None = None
 
     @classmethod
     def exact(cls, mean: np.ndarray) -> Estimate:
@@ -79,6 +81,7 @@ class Accumulator:
         self.rejected = 0
         self._cost: Cost | None = None
         self._mean = self._m2 = np.zeros(())  # (H, W, 4): red, green, blue, luminance
+        self._m3 = np.zeros(())  # (H, W, 3)
         self._image_m2 = np.zeros(4)
 
     def add(self, batch: Batch) -> None:
@@ -89,6 +92,7 @@ class Accumulator:
         if self.batches == 0:
             self._mean = np.zeros_like(value)
             self._m2 = np.zeros_like(value)
+            self._m3 = np.zeros_like(value[..., :3])
         elif value.shape != self._mean.shape:  # numpy would stretch an image one pixel high or wide
             raise ValueError(f"expected an image of shape {self.mean.shape}, found {batch.mean.shape}")
         self.samples += batch.samples
@@ -96,6 +100,9 @@ class Accumulator:
         self.rejected += batch.rejected
         self._cost = batch.cost if self._cost is None else self._cost + batch.cost
         before = value - self._mean
+        held, share = self.samples - batch.samples, batch.samples / self.samples
+        colours = before[..., :3]
+        self._m3 += colours * share * (colours**2 * held * (1 - 2 * share) - 3 * self._m2[..., :3])
         self._mean += before * (batch.samples / self.samples)
         after = value - self._mean
         self._m2 += batch.samples * before * after
@@ -112,9 +119,12 @@ class Accumulator:
             raise ValueError("no batch to estimate from")
         scale = 1.0 / ((self.batches - 1) * self.samples) if self.batches > 1 else np.nan
         variance = self._m2 * scale
+        third = None
+        if self.batches > 2:
+            third = self._m3 / (self.samples * (self.batches - 1) * (self.batches - 2))
         return Estimate(self.mean, variance[..., :3], variance[..., 3], self._mean.mean((0, 1)),
                         self._image_m2 * scale, self.samples, self.batches, self.rejected,
-                        self._cost or Cost.unknown())
+                        self._cost or Cost.unknown(), third)
 
 
 def merge(batches: Iterable[Batch]) -> Estimate:

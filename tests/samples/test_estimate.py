@@ -53,6 +53,16 @@ def test_variance_is_that_of_batch_means_weighted_by_samples(rng: np.random.Gene
     np.testing.assert_allclose(merged.image_variance, direct, rtol=1e-10)
 
 
+def test_third_moment_is_that_of_batch_means(rng: np.random.Generator) -> None:
+    """The one-pass update agrees with the sums over all batches at once; two batches have none."""
+    means = rng.lognormal(size=(9, 3, 4, 3)).astype(np.float32)
+    sizes = rng.integers(1, 40, 9)
+    merged = merge(Batch(mean, int(size)) for mean, size in zip(means, sizes, strict=True))
+    direct = np.einsum("b,bijc->ijc", sizes, (means - merged.mean)**3) / (8 * 7 * sizes.sum())
+    np.testing.assert_allclose(merged.third, direct, rtol=1e-8, atol=1e-12)
+    assert merge(Batch(mean, 4) for mean in means[:2]).third is None
+
+
 def test_variance_is_unbiased_for_unequal_batches(rng: np.random.Generator) -> None:
     """Over many pixels of unit variance per sample, the mean of the variances is 1/N to within its own noise."""
     side = 200

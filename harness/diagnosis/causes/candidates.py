@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from harness.diagnosis.causes.catalogue import Defect, Picture, defective, load_defects
-from harness.estimators.base import Renderer
-from harness.estimators.tracer import Tracer
-from harness.gpu.context import describe_gl
+from harness.diagnosis.causes.drawn import Drawn
+from harness.diagnosis.causes.match import Seen
 from harness.progress import Advance
 from harness.samples.estimate import Batch, Estimate, merge
-from harness.samples.keys import code_digest, digest
+from harness.samples.keys import digest
 from harness.samples.store import Store
-from harness.scene import Scene, SceneFile, load
+from harness.scene import SceneFile, load
 from harness.shader.library import GENERATED, OURS
 
 # A picture is drawn in so many batches of so many samples per pixel: its noise is then below that of most images that
@@ -39,6 +38,11 @@ class Candidate:
     strategy: str
     estimate: Estimate
 
+    @cached_property
+    def seen(self) -> Seen:
+        """As it is compared."""
+        return Seen.of(self.estimate)
+
     @property
     def name(self) -> str:
         """The id of the first of its defects; "right" where there is none."""
@@ -56,29 +60,34 @@ def candidates(scene: SceneFile, *, store: Store | None = None, defects: Sequenc
     and is left out; one that is equal to another joins it. SceneError where our tracer cannot hold the scene.
     """
     reading = load(scene)
-    code = OURS.tracer(reading, RIGHT.strategy).files
-    generated = next(text for name, text in code if name == GENERATED)
-    wanted = [(defect, picture) for defect in (load_defects() if defects is None else defects)
-              if defect.applies(generated) and (pixels or not defect.pixel) for picture in defect.pictures]
+    wanted = [(defect, picture) for defect in applicable(scene, load_defects() if defects is None else defects)
+              if pixels or not defect.pixel for picture in defect.pictures]
     strategies = dict.fromkeys([RIGHT.strategy, *(picture.strategy for _, picture in wanted)])
     share = 1.0 / (len(strategies) + len(wanted))
     found: dict[str, Candidate] = {}
     right: dict[str, str] = {}  # first batches of the right pictures, by strategy
     for strategy in strategies:
-        with _Drawn(scene, reading, Picture(strategy, ()), store, spp) as drawn:
+        with Drawn(scene, reading, strategy, OURS, store, spp, FIRST_REPLICA) as drawn:
             right[strategy] = _bits(drawn.batch(0))
             if strategy == RIGHT.strategy:
-                found["right"] = Candidate((), strategy, merge(drawn.batches()))
+                found["right"] = Candidate((), strategy, merge(drawn.batches(BATCHES)))
         advance(share)
     for defect, picture in wanted:
-        with _Drawn(scene, reading, picture, store, spp) as drawn:
+        with Drawn(scene, reading, picture.strategy, defective(picture), store, spp, FIRST_REPLICA) as drawn:
             bits = _bits(drawn.batch(0))
             if bits in found:
                 found[bits] = _joined(found[bits], defect)
             elif bits != right[picture.strategy]:
-                found[bits] = Candidate((defect,), picture.strategy, merge(drawn.batches()))
+                found[bits] = Candidate((defect,), picture.strategy, merge(drawn.batches(BATCHES)))
         advance(share)
     return list(found.values())
+
+
+def applicable(scene: SceneFile, defects: Sequence[Defect]) -> list[Defect]:
+    """Those that the scene has what they need for. SceneError where our tracer cannot hold it."""
+    code = OURS.tracer(load(scene), RIGHT.strategy).files
+    generated = next(text for name, text in code if name == GENERATED)
+    return [defect for defect in defects if defect.applies(generated)]
 
 
 def _bits(batch: Batch) -> str:
@@ -89,39 +98,3 @@ def _joined(candidate: Candidate, defect: Defect) -> Candidate:
     if defect in candidate.defects:
         return candidate
     return Candidate((*candidate.defects, defect), candidate.strategy, candidate.estimate)
-
-
-class _Drawn:
-    """The batches of one picture, from the store where they are there: its shader is compiled only if one is not."""
-
-    def __init__(self, scene: SceneFile, reading: Scene, picture: Picture, store: Store | None, spp: int) -> None:
-        self._scene, self._store, self._spp = scene, store, spp
-        library = defective(picture)
-        self._tracer = Tracer(picture.strategy, library)
-        self._key = {"renderer": "cause", "scene": reading.content_hash, "strategy": picture.strategy,
-                     "shader": digest(library.tracer(reading, picture.strategy).text, 16),
-                     "code": code_digest("harness.estimators.tracer"), **describe_gl()}
-        self._held: dict[int, Batch] = {}
-
-    def __enter__(self) -> _Drawn:
-        self._open = ExitStack()
-        self._renderer: Renderer | None = None
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._open.close()
-
-    def batch(self, index: int) -> Batch:
-        if index not in self._held:
-            replica = FIRST_REPLICA + index
-            self._held[index] = self._draw(replica) if self._store is None else self._store.get_or_render(
-                self._key, replica, 0, self._spp, lambda: self._draw(replica))
-        return self._held[index]
-
-    def batches(self) -> Iterator[Batch]:
-        return (self.batch(index) for index in range(BATCHES))
-
-    def _draw(self, replica: int) -> Batch:
-        if self._renderer is None:
-            self._renderer = self._open.enter_context(self._tracer.open(self._scene))
-        return self._renderer.render_batch(replica, 0, self._spp)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from harness.diagnosis.causes.bounces import Factors, factors, layers
 from harness.diagnosis.causes.candidates import Candidate, candidates
 from harness.diagnosis.causes.catalogue import Defect
-from harness.diagnosis.causes.match import PIXEL_EXCESS, Fit, Seen, apart, factor_to, fit, loglik, smaller
+from harness.diagnosis.causes.match import PIXEL_EXCESS, Fit, Seen, apart, factor_to, fit, gain, loglik, smaller
 from harness.diagnosis.causes.record import Cause, Diagnosis, Outcome
 from harness.diagnosis.causes.transforms import TransformFit, fitted, inner_pixels
 from harness.diagnosis.causes.where import Place, places
@@ -31,19 +30,19 @@ MUCH_NEARER = 0.7
 TOLD = 3
 # A picture whose χ² is at most so much larger fits as well: it lost by its own noise alone, and is told beside.
 AS_GOOD = 1.05
-# So many of the likeliest defects are tested for being the same picture; what comes after them is not.
-TESTED = 40
 
 
 def diagnose(scene: SceneFile, found: Estimate, reference: Estimate, *, store: Store | None = None,
              fine: Estimate | None = None, defects: Sequence[Defect] | None = None, truth: Estimator | None = None,
-             depths: bool = True, where: bool = True, progress: Progress = quiet) -> Diagnosis:
+             pictures: Sequence[Candidate] | None = None, depths: bool = True, where: bool = True,
+             progress: Progress = quiet) -> Diagnosis:
     """Say why `found`, an estimate of the scene by any renderer, is not the `reference`; both at the scene's film size.
 
     `fine`: the reference at twice the width and height, by which half-pixel shifts are found of what our tracer cannot
-    hold. `defects`: the whole catalogue unless given. `truth`: what factors of bounces are taken from, Mitsuba unless
-    given. `depths`, `where`: whether factors of bounces, and places, are asked for. What is rendered goes through the
-    `store`, so a scene is paid for once: some two minutes on one core.
+    hold. `defects`: the whole catalogue unless given; `pictures`: theirs, where they were rendered before. `truth`:
+    what factors of bounces are taken from, Mitsuba unless given. `depths`, `where`: whether factors of bounces, and
+    places, are asked for. What is rendered goes through the `store`, so a scene is paid for once: some two minutes on
+    one core.
 
     HarnessError where the images differ in size, or where `found` has no variance.
     """
@@ -59,7 +58,8 @@ def diagnose(scene: SceneFile, found: Estimate, reference: Estimate, *, store: S
         return Diagnosis("right", (), as_it_is.chi2, 0)
     notes: list[str] = []
     transforms = fitted(seen, right, None if fine is None else Seen.of(fine))
-    pictures = _candidates(scene, store, defects, progress, notes)
+    if pictures is None:
+        pictures = _candidates(scene, store, defects, progress, notes)
     factor = factor_to(_size(found), PIXELS)
     small, small_right = Seen.of(smaller(found, factor)), Seen.of(smaller(reference, factor))
     read = _factors(scene, factor, small, truth, store, progress, notes) if depths else None
@@ -80,35 +80,27 @@ def _ranking(small: Seen, small_right: Seen, seen: Seen, right: Seen, pictures: 
              transforms: Sequence[TransformFit], read: Factors | None) -> list[_Ranked]:
     """All explanations, those that are not excluded first, the likeliest first.
 
-    Scores are log-likelihoods less that of the right picture that is as noisy, by the pixels that both were compared
-    by: between pictures of ours and transforms of the reference, which has less noise, they are comparable only where
-    both fit.
+    Scores are gains over the right picture, each at the noise of what it is compared with.
     """
     merged = small.mean.shape != seen.mean.shape
     inner = inner_pixels(right.mean.shape)
     mask = None if merged else inner  # then transforms and defects are compared by the same pixels
     ranking: list[_Ranked] = []
-    scored: list[tuple[float, Candidate, Seen]] = []
     for candidate in pictures:
-        picture = Seen.of(candidate.estimate)
-        scored.append((loglik(small, picture, mask), candidate, picture))
-    # Our tracer's right picture is as noisy as those of its defects, and the reference's is not.
-    base = next((score for score, candidate, _ in scored if not candidate.defects), 0.0)
-    scored = sorted((item for item in scored if item[1].defects), key=lambda item: -item[0])
-    for score, candidate, picture in scored:
-        defect = candidate.defects[0]
-        result = fit(small, picture, mask) if len(ranking) < TESTED else Fit(math.nan, score, 0.0, False)
-        cause = Cause("defect", defect.id, defect.says, defect.family, defect.formula, result.chi2, result.same, 0.0,
-                      tuple(other.id for other in candidate.defects[1:]))
-        ranking.append(_Ranked(cause, score - base, result, picture))
+        if candidate.defects:
+            defect, picture = candidate.defects[0], candidate.seen
+            result = fit(small, picture, mask)
+            cause = Cause("defect", defect.id, defect.says, defect.family, defect.formula, result.chi2, result.same,
+                          0.0, tuple(other.id for other in candidate.defects[1:]))
+            ranking.append(_Ranked(cause, gain(small, picture, small_right, mask), result, picture))
     base = loglik(seen, right, inner)
     for item in transforms:
         cause = Cause("transform", "", item.says, "image", "", item.fit.chi2, item.fit.same, 0.0)
         ranking.append(_Ranked(cause, item.fit.loglik - base, item.fit, None if merged else item.picture))
     if read is not None and read.picture is not None:
-        score, result = loglik(small, read.picture, mask), fit(small, read.picture, mask)
+        result = fit(small, read.picture, mask)
         cause = Cause("bounces", "", read.says, "bounces", "", result.chi2, result.same, 0.0)
-        ranking.append(_Ranked(cause, score - loglik(small, small_right, mask), result, read.picture))
+        ranking.append(_Ranked(cause, gain(small, read.picture, small_right, mask), result, read.picture))
     return sorted(ranking, key=lambda item: (not item.fit.same, -item.score))
 
 

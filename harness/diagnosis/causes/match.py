@@ -8,7 +8,6 @@ Distribution").
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +15,7 @@ from scipy.ndimage import uniform_filter
 from scipy.special import betainc, chdtrc
 
 from harness.samples.estimate import Estimate, with_luminance
+from harness.stats.deviates import skew_student
 
 # Degrees of freedom of the likelihood: between a normal's and those of a variance from a handful of batches.
 TAIL = 5.0
@@ -33,6 +33,7 @@ CAP = 16.0
 LEVEL = 1e-8
 # A mean of squared standard errors over pixels this far above 1 is a difference, however the noise is distributed.
 PIXEL_EXCESS = 0.3
+LARGEST = 1.0 + PIXEL_EXCESS
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +41,15 @@ class Seen:
     """An estimate as it is compared: `mean`, `variance` (H, W, 3), the latter steadied by neighbouring pixels.
 
     `inflation`: how much larger the variance of the image's mean is than independent pixels would have it, at least 1:
-    pixels that share random numbers are correlated. `dof`: of the variances, infinite where exact.
+    pixels that share random numbers are correlated. `dof`: of the variances, infinite where exact. `third`: (H, W, 3),
+    the third central moment of the mean, None where it counts as zero.
     """
 
     mean: np.ndarray
     variance: np.ndarray
     inflation: float
     dof: float
+    third: np.ndarray | None = None
 
     @classmethod
     def of(cls, estimate: Estimate) -> Seen:
@@ -63,7 +66,7 @@ class Seen:
         independent = own.sum((0, 1)) / pixels**2
         known = independent > 0
         ratio = np.divide(estimate.image_variance[:3], independent, out=np.ones(3), where=known)
-        return cls(estimate.mean, steadied, max(1.0, float(ratio.mean())), dof)
+        return cls(estimate.mean, steadied, max(1.0, float(ratio.mean())), dof, estimate.third)
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,8 @@ class Fit:
 
     `chi2`: the mean over pixels and channels of the squared difference over its variance, no more than `CAP` each:
     about 1 where they are the same. `loglik`: the log-likelihood up to what all candidates have in common. `p`: the
-    probability that the same picture would differ by so much. `same`: it is not excluded.
+    probability that the same picture would differ by so much, 0 where `chi2` alone excludes it. `same`: it is not
+    excluded.
     """
 
     chi2: float
@@ -86,8 +90,25 @@ def fit(found: Seen, other: Seen, mask: np.ndarray | None = None) -> Fit:
     difference, variance, kept = _compared(found, other, mask)
     z2 = np.minimum(difference**2 / variance, CAP)
     chi2 = float(z2[kept].mean())
-    p = _probability(difference, np.where(kept[..., None], variance, 0.0), found, other)
-    return Fit(chi2, loglik(found, other, mask), p, p > LEVEL and chi2 < 1.0 + PIXEL_EXCESS)
+    p = _probability(difference, np.where(kept[..., None], variance, 0.0), found, other) if chi2 < LARGEST else 0.0
+    return Fit(chi2, loglik(found, other, mask), p, p > LEVEL)
+
+
+def gain(found: Seen, other: Seen, right: Seen, mask: np.ndarray | None = None) -> float:
+    """By how much more likely `found` is of `other` than of the `right` picture, if both were known as badly: the
+    difference of their log-likelihoods with the noise of all three in each.
+
+    A defect that must be drawn in a noisy way would pay for its noise in a likelihood of its own (`loglik`), and lose
+    to the right picture, or to a wrong one that is drawn with less. So each picture is compared with the right one at
+    the noise of the two, and what noise the one has, and the other has not, is added to the other's difference.
+    """
+    kept = np.ones(found.mean.shape[:2], bool) if mask is None else mask
+    level = np.maximum(np.abs(found.mean), np.maximum(np.abs(other.mean), np.abs(right.mean)))
+    variance = found.variance + other.variance + right.variance + (ROUNDING * level) ** 2 + 1e-18
+    from_right = (found.mean - right.mean) ** 2 + other.variance
+    from_other = (found.mean - other.mean) ** 2 + right.variance
+    terms = np.log1p(from_right / (TAIL * variance)) - np.log1p(from_other / (TAIL * variance))
+    return (TAIL + 1) * float(terms[kept].sum()) / 6.0
 
 
 def loglik(found: Seen, other: Seen, mask: np.ndarray | None = None) -> float:
@@ -132,8 +153,9 @@ def smaller(estimate: Estimate, factor: int) -> Estimate:
     mean = _blocks(estimate.mean, factor).mean((1, 3))
     variance = _blocks(estimate.variance, factor).sum((1, 3)) / factor**4
     luminance = _blocks(estimate.luminance_variance[..., None], factor).sum((1, 3))[..., 0] / factor**4
+    third = None if estimate.third is None else _blocks(estimate.third, factor).sum((1, 3)) / factor**6
     return Estimate(mean, variance, luminance, with_luminance(mean).mean((0, 1)), estimate.image_variance,
-                    estimate.samples * factor**2, estimate.batches, estimate.rejected, estimate.cost)
+                    estimate.samples * factor**2, estimate.batches, estimate.rejected, estimate.cost, third)
 
 
 def factor_to(size: tuple[int, int], pixels: int) -> int:
@@ -150,15 +172,20 @@ def _probability(difference: np.ndarray, variance: np.ndarray, found: Seen, othe
     """That the same picture would differ by so much: the least over tiles and channels, times how many were asked.
 
     A tile's variance is as uncertain as Satterthwaite's degrees of freedom say (1946, "An Approximate Distribution of
-    Estimates of Variance Components"): little where its pixels are alike, much where a few have nearly all of it.
+    Estimates of Variance Components"): little where its pixels are alike, much where a few have nearly all of it. Too
+    few bright samples make a mean too low and too sure, which Hall's transformation takes out (see `skew_student`).
     """
     height, width = variance.shape[:2]
     inflation = max(found.inflation, other.inflation)
     asked: list[float] = []
+    third = sum((part for part in (found.third, None if other.third is None else -other.third) if part is not None),
+                start=np.zeros_like(difference))
+    third = np.where(variance > 0, third, 0.0)
     for side in (*(side for side in TILES if side < min(height, width)), max(height, width)):
         total = np.stack([_sums(difference[..., c], side) for c in range(3)], -1)
         spread = np.stack([_sums(variance[..., c], side) for c in range(3)], -1) * inflation
-        z2 = np.divide(total**2, spread, out=np.zeros_like(total), where=spread > 0)
+        skew = np.stack([_sums(third[..., c], side) for c in range(3)], -1) * inflation**1.5
+        z2 = np.where(spread > 0, skew_student(total, spread, skew), 0.0) ** 2
         dof: float | np.ndarray = min(found.dof, other.dof)
         if side < max(height, width) and np.isfinite(dof):
             squares = np.stack([_sums(variance[..., c] ** 2, side) for c in range(3)], -1) * inflation**2
@@ -183,9 +210,3 @@ def _sums(image: np.ndarray, side: int) -> np.ndarray:
 def _blocks(image: np.ndarray, factor: int) -> np.ndarray:
     height, width = image.shape[:2]
     return image.reshape(height // factor, factor, width // factor, factor, *image.shape[2:])
-
-
-def ranked(found: Seen, pictures: Sequence[Seen], mask: np.ndarray | None = None) -> list[tuple[int, float]]:
-    """The index and the log-likelihood of every picture, the likeliest first."""
-    scores = [(index, loglik(found, picture, mask)) for index, picture in enumerate(pictures)]
-    return sorted(scores, key=lambda item: -item[1])

@@ -55,6 +55,7 @@ def fitted(found: Seen, reference: Seen, fine: Seen | None = None) -> list[Trans
     by the pixels that every one of them has.
     """
     inner = inner_pixels(reference.mean.shape[:2])
+    reference = replace(reference, third=None)  # small, and not what it was after a transform
     scored: list[tuple[float, Transformed]] = []
     for moved in _moved(reference, fine):
         choices = _values(found, moved, inner) if not moved.shifted else _scalings(found, moved, inner)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.diagnosis.causes.match import Seen, apart, factor_to, fit, loglik, ranked, smaller
+from harness.diagnosis.causes.match import Seen, apart, factor_to, fit, gain, loglik, smaller
 from harness.samples.estimate import Batch, Estimate, merge
 
 SIZE = (24, 32)
@@ -47,14 +47,36 @@ def test_pixels_that_share_their_noise_are_not_taken_for_a_difference() -> None:
     assert fit(seen, Seen.of(Estimate.exact(LIGHT))).p > 1e-3
 
 
-def test_a_noisy_candidate_does_not_fit_everything() -> None:
-    """By χ² alone the noisy picture of something else would win."""
+def test_a_noisy_candidate_neither_fits_everything_nor_pays_for_its_noise() -> None:
+    """By χ² alone a noisy picture of something else would win; by the likelihood alone a noisy true one would lose."""
     found = Seen.of(drawn(LIGHT, 1))
-    noisy = Seen.of(drawn(1.2 * LIGHT, 2, samples=64, tail=1.5))
-    true = Seen.of(drawn(LIGHT, 3))
-    assert fit(found, noisy).chi2 < 1.1
-    assert [index for index, _ in ranked(found, [noisy, true])] == [1, 0]
-    assert loglik(found, true) - loglik(found, noisy) > 100
+    noisy_other = Seen.of(drawn(1.2 * LIGHT, 2, samples=64, tail=1.5))
+    true, noisy_true = Seen.of(drawn(LIGHT, 3)), Seen.of(drawn(LIGHT, 5, samples=64, tail=1.5))
+    right = Seen.of(drawn(0.7 * LIGHT, 4, samples=4096))
+    assert fit(found, noisy_other).chi2 < 1.1
+    gains = [gain(found, each, right) for each in (true, noisy_true, noisy_other)]
+    assert gains[0] > gains[1] > gains[2] + 50
+    assert gains[1] > 100 and loglik(found, noisy_true) < loglik(found, Seen.of(drawn(0.9 * LIGHT, 6)))
+
+
+def test_the_right_picture_gains_nothing_however_noisy_it_is_drawn() -> None:
+    found, right = Seen.of(drawn(LIGHT, 1)), Seen.of(drawn(LIGHT, 2, samples=4096))
+    for samples in (16, 64, 1024):
+        assert abs(gain(found, Seen.of(drawn(LIGHT, 3, samples=samples)), right)) < 0.02 * LIGHT.size
+
+
+def test_too_few_bright_samples_are_no_difference() -> None:
+    """They make a tile too dark and too sure of it: the same error is told of one whose noise is not skewed, and of
+    one that is too bright."""
+    truth = Seen.of(Estimate.exact(LIGHT))
+    variance = np.full_like(LIGHT, 0.01)
+    error = np.zeros_like(LIGHT)
+    error[8:16, 8:16] = 7.4 * np.sqrt(0.01 / 64)  # of the mean of 64 pixels, in standard errors
+    skewed = np.full_like(LIGHT, 0.26 * np.sqrt(64) * 0.01**1.5)  # 0.26 is the skewness of that mean
+    dark, bright = LIGHT - error, LIGHT + error
+    assert fit(Seen(dark, variance, 1.0, 15.0, skewed), truth).p > 0.01
+    assert not fit(Seen(dark, variance, 1.0, 15.0), truth).same
+    assert not fit(Seen(bright, variance, 1.0, 15.0, skewed), truth).same
 
 
 def test_tells_pictures_apart_by_the_image_s_noise() -> None:
