@@ -19,6 +19,7 @@ from harness import cli
 from harness.cli import COMMANDS, main
 from harness.cli.output import progress, to_json
 from harness.errors import HarnessError, MachineError, SceneError
+from tests.cli.conftest import Harness
 
 Command = Callable[[], object]
 Register = Callable[[Command], None]
@@ -125,6 +126,13 @@ class TestUsage:
         listed = capsys.readouterr().out.split("Commands:\n")[1].splitlines()
         assert [line.split()[0] for line in listed] == list(COMMANDS)
         assert all(len(line.split()) > 2 for line in listed), "every command says in one line what it does"
+
+    def test_a_command_waits_for_no_other(self, harness: Harness, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Of twenty commands the one that is named is imported."""
+        monkeypatch.setitem(COMMANDS, "other", "there_is_none")
+        assert harness("doctor", "--help").status == 0
+        with pytest.raises(ModuleNotFoundError, match="there_is_none"):
+            harness("--help")
 
     @pytest.mark.parametrize("name", COMMANDS)
     def test_the_help_of_each_command_ends_with_an_example_that_parses(
