@@ -24,7 +24,7 @@ from harness.scene import Scene, load_scene
 from harness.scene.materials import BSDFS
 from harness.scene.shapes import PARAMETERS
 from harness.shader.strategies import STRATEGIES
-from harness.studies import oracle
+from harness.studies import causes, oracle
 from tests.support.calibration import calibration
 
 ROOT = Path(harness.__file__).parents[1]
@@ -118,6 +118,8 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stranger, "BATCHES", 16)
 
     # Minutes; they have tests of their own.
+    named = causes.load_causes(causes.causes_file())
+    monkeypatch.setattr(causes, "measure_causes", lambda *arguments, **options: named)
     known = oracle.load_oracle(oracle.oracle_file())
     monkeypatch.setattr(oracle, "measure_oracle", lambda *arguments, **options: known)
     monkeypatch.setattr("harness.course.memo.remembered_exhibits", lambda *arguments, **options: ((), False))

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 
@@ -155,6 +156,7 @@ def causes_file() -> Path:
 def wrong_strangers(scene: SceneFile, right: Mapping[str, Library], spp: int, seed: int,
                     store: Store | None) -> Iterator[tuple[Stranger, Estimate]]:
     """Every defect that shows on the scene, in each picture that it makes, in disguise; each picture of one once."""
+    drawn_by = partial(Drawn, scene, load(scene), store=store, spp=spp // BATCHES, first=seed * REPLICAS)
     plain: dict[tuple[str, str], bytes] = {}  # first batches without the defect
     number = 0
     for defect in applicable(scene, load_defects()):
@@ -164,9 +166,9 @@ def wrong_strangers(scene: SceneFile, right: Mapping[str, Library], spp: int, se
             number += 1
             key = (stranger.strategy, stranger.disguise)
             if key not in plain:
-                with _drawn(scene, stranger.strategy, right.get(stranger.disguise, OURS), spp, seed, store) as drawn:
+                with drawn_by(stranger.strategy, right.get(stranger.disguise, OURS)) as drawn:
                     plain[key] = drawn.batch(0).mean.tobytes()
-            with _drawn(scene, stranger.strategy, stranger.library, spp, seed, store) as drawn:
+            with drawn_by(stranger.strategy, stranger.library) as drawn:
                 bits = drawn.batch(0).mean.tobytes()
                 if bits != plain[key] and bits not in seen:
                     seen.add(bits)
@@ -176,9 +178,10 @@ def wrong_strangers(scene: SceneFile, right: Mapping[str, Library], spp: int, se
 def right_strangers(scene: SceneFile, right: Mapping[str, Library], spp: int, seed: int,
                     store: Store | None) -> Iterator[tuple[Stranger, Estimate]]:
     """Every right shader with every strategy."""
+    reading = load(scene)
     for name, library in right.items():
         for strategy in ALL:
-            with _drawn(scene, strategy, library, spp, seed, store) as drawn:
+            with Drawn(scene, reading, strategy, library, store, spp // BATCHES, seed * REPLICAS) as drawn:
                 yield Stranger("", strategy, name, library), merge(drawn.batches(BATCHES))
 
 
@@ -231,10 +234,6 @@ def _disguised(defect: Defect, picture: Picture, number: int, right: Mapping[str
             except HarnessError:  # both are in one line
                 pass
     return Stranger(defect.id, strategy, "", defective(picture))
-
-
-def _drawn(scene: SceneFile, strategy: str, library: Library, spp: int, seed: int, store: Store | None) -> Drawn:
-    return Drawn(scene, load(scene), strategy, library, store, spp // BATCHES, seed * REPLICAS)
 
 
 def _file(records: Sequence[CausesRecord], seed: int) -> CausesFile:

@@ -70,5 +70,4 @@ def test_the_one_that_comes_with_the_harness_names_most_and_accuses_none() -> No
     visible, first, three = (sum(getattr(each, name) for each in found.records)
                              for name in ("visible", "first", "three"))
     assert first >= 0.9 * visible and three >= 0.98 * visible
-    assert sum(each.right for each in found.records) >= 100
-    assert not any(each.accused for each in found.records)
+    assert all(each.right >= 40 and not each.accused for each in found.records)
