@@ -36,8 +36,10 @@ def bench(
     from harness import bench as benchmark
     from harness import rivals
     from harness.files import require_writable
+    from harness.gpu.width import ask
     from harness.results import Benchmark
 
+    ask()
     require_writable(output)
     found = Benchmark(tuple(benchmark.run(rounds=rounds, progress=progress)),
                       tuple(rivals.run(replicas=max(4, rounds), progress=progress)))

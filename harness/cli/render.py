@@ -61,7 +61,9 @@ def render(
     Example: `harness render mitsuba_scenes/spheres.xml --strategy mixture --spp 1024 -o spheres.exr`
     """
     from harness.estimators.tracer import Tracer
+    from harness.gpu.width import ask
 
+    ask()
     file = scene_file(scene, size, parameters, max_depth)
     open_scene(file)
     estimator = Tracer(strategy)

@@ -11,7 +11,8 @@ from typing import Any
 import moderngl
 
 from harness.errors import MachineError
-from harness.gpu.device import Device, cpu_features
+from harness.gpu.device import WIDTH, Device, cpu_features
+from harness.gpu.width import environment
 from harness.shader.source import ShaderSource
 
 # One triangle that covers the viewport; texcoord is (0,0) at the bottom left and (1,1) at the top right.
@@ -43,7 +44,8 @@ def context() -> moderngl.Context:
         index = _chosen()
         try:
             options: dict[str, Any] = {"backend": "egl", "libgl": "libEGL.so.1", "device_index": index}
-            created = moderngl.create_context(standalone=True, require=430, **options)
+            with environment():
+                created = moderngl.create_context(standalone=True, require=430, **options)
         except Exception as error:  # moderngl raises bare Exception
             if missing := re.search(r"requested device index .* found (\d+) devices", str(error)):
                 raise MachineError(f"{CHOICE}: there is no EGL device {index}; there are {missing[1]}, numbered from "
@@ -100,32 +102,45 @@ def describe_gl() -> dict[str, str]:
     return device().describe()
 
 
+def set_uniforms(program: Any, uniforms: Mapping[str, Any]) -> None:
+    """Set uniforms of a program of moderngl's; one that the compiler optimised away is left alone."""
+    for name, value in uniforms.items():
+        member = program.get(name, None)
+        if isinstance(member, moderngl.Uniform):
+            member.value = value
+
+
+def uniforms_of(program: Any) -> frozenset[str]:
+    """Names of the uniforms and blocks that a program depends on; an array or a structure has one name."""
+    kinds = moderngl.Uniform, moderngl.UniformBlock, moderngl.StorageBlock
+    members = {name: program[name] for name in program}
+    return frozenset(re.split(r"[.\[]", name)[0] for name, member in members.items()
+                     if isinstance(member, kinds) and not name.startswith("gl_"))
+
+
 class Program:
     """A fragment shader over the full-screen triangle, drawn into a framebuffer."""
 
     def __init__(self, source: ShaderSource) -> None:
         """Compile; raises ShaderError naming our file and line."""
         gl = context()
+        if device().only_computes:
+            raise MachineError(f"{source.files[0][0]}: a fragment shader, and in those {device().name} crashes; unset "
+                               f"{WIDTH}")
         try:
             self._program = gl.program(vertex_shader=_VERTEX_SHADER, fragment_shader=source.text)
         except moderngl.Error as error:
-            raise source.explain(str(error), _line_offset(gl)) from None
+            raise source.explain(str(error), line_offset(gl)) from None
         self._triangle = gl.vertex_array(self._program, [])
 
     def set(self, uniforms: Mapping[str, Any]) -> None:
         """Set uniforms; one that the compiler optimised away is left alone."""
-        for name, value in uniforms.items():
-            member = self._program.get(name, None)
-            if isinstance(member, moderngl.Uniform):
-                member.value = value
+        set_uniforms(self._program, uniforms)
 
     @property
     def uniforms(self) -> frozenset[str]:
         """Names of the uniforms and blocks that the picture depends on; an array or a structure has one name."""
-        kinds = moderngl.Uniform, moderngl.UniformBlock, moderngl.StorageBlock
-        members = {name: self._program[name] for name in self._program}
-        return frozenset(re.split(r"[.\[]", name)[0] for name, member in members.items()
-                         if isinstance(member, kinds) and not name.startswith("gl_"))
+        return uniforms_of(self._program)
 
     def draw(self) -> None:
         """Draw into the framebuffer in use."""
@@ -137,7 +152,7 @@ class Program:
         self._program.release()
 
 
-def _line_offset(gl: moderngl.Context) -> int:
+def line_offset(gl: moderngl.Context) -> int:
     """What this driver adds to the line that `#line` sets, asked of the driver by a shader that cannot compile."""
     try:
         gl.program(vertex_shader=_VERTEX_SHADER, fragment_shader=_LINE_PROBE).release()

@@ -11,6 +11,12 @@ from harness.shader.source import ShaderSource, with_defines
 
 # What Mesa's software rasterisers call themselves; they draw on the CPU, in the process's own threads.
 SOFTWARE = ("llvmpipe", "softpipe", "swr")
+# Overrides which of a tracer's two shaders is run, "fragment" or "compute".
+ENTRY = "HARNESS_GL_ENTRY"
+# By which llvmpipe is told how many bits its vectors have, when a process makes its first context. At WIDE it crashes
+# in every fragment shader, on Mesa 22 and 25 alike, and runs compute shaders with the bits that they have at USUAL.
+WIDTH = "LP_NATIVE_VECTOR_WIDTH"
+USUAL, WIDE = "256", "512"
 
 
 @dataclass(frozen=True)
@@ -21,7 +27,9 @@ class Device:
     `max_iterations`: how many iterations of all its loops an invocation may make, where the driver has a limit that it
     keeps in silence. `least_rows`: bands of an image any lower would starve it. `compiles_twice`: whether it compiles a
     fragment shader once for tiles that a triangle covers whole and once for its edges, unless blending is on.
-    `starts_ahead`: whether a path's camera ray is best made beside the path before it (see glsl/lib/path.glsl).
+    `entry`: which of a tracer's two shaders the device runs faster, fragment or compute. `only_computes`: whether
+    fragment shaders crash. `starts_ahead`: whether a path's camera ray is best made beside the path before it (see
+    glsl/lib/path.glsl).
     """
 
     name: str
@@ -31,18 +39,23 @@ class Device:
     max_iterations: int
     least_rows: int
     compiles_twice: bool
+    entry: Literal["fragment", "compute"] = "fragment"
+    only_computes: bool = False
     starts_ahead: bool = False
 
     @classmethod
     def of(cls, info: Mapping[str, str], features: frozenset[str] = frozenset()) -> Device:
         """From the strings of a GL context, as moderngl's `info` has them, and the CPU's features."""
         name = info["GL_RENDERER"]
+        wide = name.startswith("llvmpipe") and f"{WIDE} bits" in name
         software = name.startswith(SOFTWARE)
         # Past about 65,535 iterations of all loops of one invocation llvmpipe of Mesa 22 leaves the loop without an
         # error and the result is wrong; half of that leaves room for every loop the driver may add. Mesa 25 and
         # hardware have no such limit, but time, which bands and passes keep: the same bound is no hardship there.
         return cls(name, info["GL_VERSION"], info["GL_VENDOR"], "cpu" if software else "gpu",
                    max_iterations=32_768, least_rows=64, compiles_twice=name.startswith("llvmpipe"),
+                   # At 256 bits the two are as fast on llvmpipe; GPUs were not measured, and take what hosts take.
+                   entry="compute" if wide else "fragment", only_computes=wide,
                    starts_ahead=software and "avx512vl" in features)
 
     def fitted(self, source: ShaderSource) -> ShaderSource:
@@ -52,8 +65,9 @@ class Device:
         return source
 
     def describe(self) -> dict[str, str]:
-        """Renderer, version and vendor strings, for keys and provenance."""
-        return {"gl_renderer": self.name, "gl_version": self.version, "gl_vendor": self.vendor}
+        """Renderer, version and vendor strings, for keys and provenance; no width that bits do not depend on."""
+        name = self.name.replace(f"{WIDE} bits", f"{USUAL} bits") if self.only_computes else self.name
+        return {"gl_renderer": name, "gl_version": self.version, "gl_vendor": self.vendor}
 
 
 def cpu_features() -> frozenset[str]:

@@ -16,7 +16,7 @@ import moderngl
 import numpy as np
 
 from harness.errors import ShaderError
-from harness.gpu.context import _line_offset, context, device
+from harness.gpu.context import context, device, line_offset
 from harness.gpu.stand_ins import StandIns
 from harness.shader.contract import Channel, Contract, Role, ShaderPass
 from harness.shader.source import LINE_STRIDE
@@ -198,7 +198,7 @@ class _Program:
         try:
             self._program = gl.program(vertex_shader=one.vertex, fragment_shader=one.source.text)
         except moderngl.Error as error:
-            raise _explained(one, _log(str(error)), _line_offset(gl)) from None
+            raise _explained(one, _log(str(error)), line_offset(gl)) from None
         except (UnicodeError, KeyError, ValueError) as error:
             # moderngl reads the compiler's log as UTF-8, and looks for #include by itself
             file = one.source.files[0][0] if one.source.files else one.name
@@ -283,7 +283,7 @@ def unset_variables(one: ShaderPass) -> list[tuple[str, str]]:
         gl.program(vertex_shader=one.vertex, fragment_shader=f"{one.source.text}{_UNDECLARED}").release()
     except (moderngl.Error, UnicodeError, KeyError, ValueError) as error:
         found = _UNSET.findall(_log(str(error)))
-        offset = _line_offset(gl)
+        offset = line_offset(gl)
         places = [(*divmod(int(line) - offset, LINE_STRIDE), name) for line, name in found]
         return [(f"{one.source.files[file - 1][0]}:{number}", name) for file, number, name in places
                 if 1 <= file <= len(one.source.files)]

@@ -1,4 +1,4 @@
-"""Ping-pong: a fragment shader drawn pass by pass, each reading what the pass before left, and summed in float64."""
+"""Ping-pong: a tracer run pass by pass, each reading what the pass before left, and summed in float64."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import moderngl
 import numpy as np
 
 from harness.errors import ShaderError
-from harness.gpu.context import Program, context, device
+from harness.gpu.context import context, device
+from harness.gpu.entries import entry
 from harness.shader.hosts.base import Host, Pass
 from harness.shader.source import ShaderSource
 from harness.shader.uniforms import uniforms
@@ -45,17 +46,20 @@ class PingPong:
         """
         self._source, self._host, self._bind = source, host, bind
         self._width, self._height = size
-        self._program = Program(source)
-        try:
-            self._require_set()
-        except BaseException:
-            self._program.release()
-            raise
         gl = context()
         self._textures = [gl.texture(size, 4, dtype="f4") for _ in range(2)]
         for texture in self._textures:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._framebuffers = [gl.framebuffer([texture]) for texture in self._textures]
+        try:
+            self._program = entry(source, self._textures)
+            try:
+                self._require_set()
+            except BaseException:
+                self._program.release()
+                raise
+        except BaseException:
+            self._release_textures()
+            raise
         self.max_samples = max(1, min(MAX_SAMPLES_PER_PASS, device().max_iterations // iterations))
         self._draw_work = FIRST_DRAW
         self.gpu_seconds = 0.0  # of all draws so far, where the device has a clock of its own
@@ -71,8 +75,10 @@ class PingPong:
     def release(self) -> None:
         """Free the GL objects."""
         self._program.release()
-        for framebuffer, texture in zip(self._framebuffers, self._textures, strict=True):
-            framebuffer.release()
+        self._release_textures()
+
+    def _release_textures(self) -> None:
+        for texture in self._textures:
             texture.release()
 
     def _require_set(self) -> None:
@@ -102,13 +108,11 @@ class PingPong:
             fitting = self._draw_work // (self._width * height)
             count = max(1, min(self.max_samples, samples - done, fitting))
             self._textures[source].use(0)
-            self._framebuffers[target].use()
+            self._program.aim(target)
             told = self._host.uniforms(Pass(numpass, first + done, count, replica))
             self._program.set({self._host.previous: 0, **self._bind(1), **told})
             for bottom, rows in self._bands(count):
-                gl.scissor = (0, bottom, self._width, rows)
-                self._timed_draw(gl, rows * self._width * count)
-            gl.scissor = None
+                self._timed_draw(gl, bottom, rows, count)
             source, target = target, source
             done += count
             numpass += 1
@@ -125,17 +129,18 @@ class PingPong:
             yield bottom, rows
             bottom += rows
 
-    def _timed_draw(self, gl: moderngl.Context, work: int) -> None:
+    def _timed_draw(self, gl: moderngl.Context, bottom: int, rows: int, samples: int) -> None:
+        work = rows * self._width * samples
         began, busy = time.perf_counter(), time.process_time()
         if device().clock == "gpu":
             query = gl.query(time=True)
             with query:
-                self._program.draw()
+                self._program.draw(bottom, rows)
             spent = query.elapsed * 1e-9  # waits for the draw, in which this process is idle
             self.gpu_seconds += spent
             seconds = time.perf_counter() - began
         else:
-            self._program.draw()
+            self._program.draw(bottom, rows)
             gl.finish()
             seconds = time.perf_counter() - began
             # Of a process that was stopped for a while (Ctrl-Z, a laptop asleep) the clock alone tells nothing.

@@ -34,8 +34,11 @@ _MEMORY_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.lim
 _GL_PROBE = """
 import json
 from harness.gpu.context import device
+from harness.gpu.width import verdict
 found = device()
-print(json.dumps([found.name, found.version, found.clock == "cpu"]))
+judged = verdict() if found.compiles_twice else None
+print(json.dumps([found.name, found.version, found.clock == "cpu", f"{found.entry} shaders" if not judged else
+                  f"{'compute' if judged.wide else found.entry} shaders ({judged.reason})"]))
 """
 # A unit radiance environment seen through every pixel: the mean of the image is exactly 1.
 _MITSUBA_PROBE = """
@@ -111,8 +114,8 @@ def check_gl() -> Check:
     apt = ("libegl1", "libgl1-mesa-dri")
     if isinstance(answer, str):
         return Check("OpenGL", False, answer.partition("; ")[0], mend=f"apt-get install {' '.join(apt)}", apt=apt)
-    renderer, version, _ = answer
-    return Check("OpenGL", True, f"{renderer}, {version}")
+    renderer, version, _, *told = answer
+    return Check("OpenGL", True, "; ".join([f"{renderer}, {version}", *(f"the tracer runs as {way}" for way in told)]))
 
 
 def check_devices() -> Check:

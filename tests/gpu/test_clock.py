@@ -10,7 +10,7 @@ from typing import ClassVar
 import moderngl
 import pytest
 
-from harness.gpu import pingpong, renderer
+from harness.gpu import context, pingpong, renderer
 from harness.gpu.context import device
 from harness.gpu.device import Device
 from harness.scene import load_scene
@@ -56,14 +56,14 @@ def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[Device]:
         assert time
         return Query()
 
-    drawn = pingpong.Program.draw
+    drawn = context.Program.draw
 
-    def draw(self: pingpong.Program) -> None:
+    def draw(self: context.Program) -> None:
         assert Query.made[-1].state == "running"
         drawn(self)
 
     monkeypatch.setattr(moderngl.Context, "query", query)
-    monkeypatch.setattr(pingpong.Program, "draw", draw)
+    monkeypatch.setattr(context.Program, "draw", draw)
     monkeypatch.setattr(pingpong, "STUCK_SECONDS", 1e9)  # three seconds a draw would be an endless loop
     monkeypatch.setattr(Query, "made", [])
     yield profile

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from harness.errors import HarnessError, ShaderError
-from harness.gpu import pingpong
+from harness.gpu import context, pingpong
 from harness.gpu.context import device
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest
@@ -100,8 +100,8 @@ def test_bits_do_not_depend_on_bands_and_passes(monkeypatch: pytest.MonkeyPatch,
 def test_a_slow_device_gets_many_small_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     """The two settings of the test above do differ in the number of draws, and the frame is covered by both."""
     draws = []
-    original = pingpong.Program.draw
-    monkeypatch.setattr(pingpong.Program, "draw", lambda self: (draws.append(1), original(self))[1])
+    original = context.Program.draw
+    monkeypatch.setattr(context.Program, "draw", lambda self: (draws.append(1), original(self))[1])
     counts = []
     for first_draw, seconds in ((1, 0.0), (1 << 30, 1e9)):
         monkeypatch.setattr(pingpong, "FIRST_DRAW", first_draw)

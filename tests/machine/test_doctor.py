@@ -61,6 +61,10 @@ class TestOpenGL:
         monkeypatch.setattr(doctor, "_PROBE_TIMEOUT", 0.2)
         assert doctor.check_gl().detail == "no answer within 0.2 s"
 
+    def test_the_tracers_way_is_told(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(doctor, "_GL_PROBE", "print('[\"llvmpipe\", \"4.5\", true, \"compute shaders (faster)\"]')")
+        assert doctor.check_gl().detail == "llvmpipe, 4.5; the tracer runs as compute shaders (faster)"
+
     def test_a_device_that_hangs_is_told_after_its_own_shorter_wait(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """0 answers, 1 hangs, there is no 2."""
         monkeypatch.setattr(doctor, "_GL_PROBE", (
