@@ -31,7 +31,7 @@ TOPICS: Mapping[str, tuple[str, Checks]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Checked:
+class Proofs:
     """What the checks of a library found, in the order in which its functions build on each other.
 
     `unchecked`: topics that could not be asked, each with the reason. `shared`: functions of the library that all that
@@ -57,7 +57,7 @@ class Checked:
         return tuple(dict.fromkeys(found.function for found in self.findings))
 
 
-def check_library(folder: Path, advance: Callable[[float], None] | None = None) -> Checked:
+def check_library(folder: Path, advance: Callable[[float], None] | None = None) -> Proofs:
     """Check the functions of a folder of shader files that stand in for ours of the same name.
 
     `advance(1)` is told of each of TOPICS. HarnessError for a folder without such files, or with none that is checked;
@@ -78,7 +78,7 @@ def check_library(folder: Path, advance: Callable[[float], None] | None = None) 
 
 
 def checked(library: Library, topics: Sequence[str] | Mapping[str, object] = tuple(TOPICS),
-            advance: Callable[[float], None] | None = None) -> Checked:
+            advance: Callable[[float], None] | None = None) -> Proofs:
     """The checks of these topics on a library, ours or any other. ShaderError where a file of it does not compile."""
     found: list[Finding] = []
     unchecked: list[str] = []
@@ -97,7 +97,7 @@ def checked(library: Library, topics: Sequence[str] | Mapping[str, object] = tup
             unchecked.append(f"{name}: its functions do not fit ({error}); keep the names and the parameters of ours")
         if advance:
             advance(1)
-    return Checked(tuple(found), tuple(unchecked), _shared(texts, {each.function for each in found if not each.passed}))
+    return Proofs(tuple(found), tuple(unchecked), _shared(texts, {each.function for each in found if not each.passed}))
 
 
 def _shared(texts: Mapping[str, str], failed: Set[str]) -> tuple[str, ...]:

@@ -121,7 +121,8 @@ def as_json(checked: Checked) -> dict[str, Any]:
             "outcome": judged.outcome, "right": judged.is_right, "reason": judged.verdict.reason,
             "transform": judged.transform, "error": error,
             "low": low, "high": high, "slope": judged.slope, "offset": judged.offset, "frames": judged.frames,
-            "reference": judged.integrator, "note": judged.note,
+            "reference": judged.integrator, "note": judged.note, "turn": judged.view.turn,
+            "spread": judged.view.spread and {"id": judged.view.spread.defect.id, "left": judged.view.spread.left},
             "worst": {name: getattr(judged.worst, name)
                       for name in ("x", "y", "tile", "channel", "error", "low", "high")}}
     if checked.diagnosis is not None:
@@ -154,7 +155,10 @@ def _contract(path: Path | None, files: Sequence[Path]) -> Contract | None:
         return None
     from harness.shader import contract_file
 
-    return contract_file.load(path, files)
+    contract = contract_file.load(path, files)
+    if warning := contract_file.stale(path, contract):
+        log(f"warning: {warning}")
+    return contract
 
 
 def parse_values(words: Sequence[str]) -> Mapping[str, Any]:

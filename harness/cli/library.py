@@ -11,7 +11,7 @@ from harness.cli.options import DeviceOption
 from harness.cli.output import JsonOption, print_json, progress
 
 if TYPE_CHECKING:
-    from harness.checks.own import Checked
+    from harness.checks.own import Proofs
 
 
 def check_library(
@@ -35,7 +35,7 @@ def check_library(
     return 1 if found.failed else 0
 
 
-def library_findings(folder: Path) -> Checked:
+def library_findings(folder: Path) -> Proofs:
     """The checks of a folder's functions, with a progress bar. HarnessError, ShaderError as `check_library`."""
     from harness.checks import own
 
@@ -43,7 +43,7 @@ def library_findings(folder: Path) -> Checked:
         return own.check_library(folder, advance)
 
 
-def library_lines(folder: Path, found: Checked) -> list[str]:
+def library_lines(folder: Path, found: Proofs) -> list[str]:
     """What to print: each function that is wrong with its place, in the order in which they build on each other."""
     lines = [f"{each.where or folder}: {each.function}: {each.sentence}" for each in found.failed]
     if len({each.function for each in found.failed}) > 1:
@@ -56,7 +56,7 @@ def library_lines(folder: Path, found: Checked) -> list[str]:
     return lines
 
 
-def library_json(folder: Path, found: Checked) -> dict[str, Any]:
+def library_json(folder: Path, found: Proofs) -> dict[str, Any]:
     """The same as one object."""
     return {"library": folder, "passed": not found.failed, "unchecked": found.unchecked, "shared": found.shared,
             "findings": [{"function": each.function, "where": each.where, "check": each.check, "passed": each.passed,

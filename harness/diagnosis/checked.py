@@ -63,9 +63,11 @@ def check_shader(shader: Shader, scene: SceneFile | None = None, *, size: tuple[
                             spp=spp, progress=progress)
     if not causes or judged.outcome != "fail" or judged.transform:
         return Checked(found, judged)
-    diagnosis = diagnose(judged.scene, judged.found, judged.reference, store=store, progress=progress)
+    diagnosis = diagnose(judged.scene, *judged.compared, store=store, progress=progress,
+                         besides=judged.view.spread.defect if judged.view.spread else None)
     with progress(None, f"{shader.name} repairs"):
-        proof = repaired(shader, diagnosis, scene, store=store, budget=budget, tolerance=tolerance, spp=spp)
+        proof = repaired(shader, diagnosis, scene, store=store, budget=budget, tolerance=tolerance, spp=spp,
+                         view=judged.view)
     return Checked(found, judged, diagnosis, proof)
 
 

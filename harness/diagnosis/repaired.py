@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from harness.diagnosis.causes import Diagnosis, repairs
+from harness.diagnosis.pixels import USUAL, View
 from harness.diagnosis.stranger import Judged, judge_stranger
 from harness.errors import HarnessError, MachineError, StoreError
 from harness.estimators.shader import Shader
 from harness.samples.store import Store
 from harness.scene import SceneFile
+from harness.shader.hosts.shadertoy import exported
 
-# Files whose lines are the author's lines; in a JSON export or a pipeline they are escaped, and stand on one.
+# Files whose lines are the author's lines; in a JSON export they are escaped, and taken out of it; of a pipeline, no.
 TEXTS = (".glsl", ".frag", ".fs", ".fsh", ".html", ".htm", ".js", ".vue")
+EXPORTS = (".json",)
 # So many repairs are tried at most, each with the seconds that the shader itself had: what fails does so at the first
 # look, and what passes needs more of them than a verdict against it did.
 TRIED = 8
@@ -42,34 +45,53 @@ class Repaired:
 
 
 def repaired(shader: Shader, diagnosis: Diagnosis, scene: SceneFile, *, store: Store | None = None,
-             budget: float = 60.0, tolerance: float | None = None, spp: int | None = None) -> Repaired | None:
-    """The first known repair of a likely cause with which the shader passes; None where none does.
+             budget: float = 60.0, tolerance: float | None = None, spp: int | None = None,
+             view: View = USUAL) -> Repaired | None:
+    """The first known repair of a likely cause with which the shader passes; None where none does. `view`: which
+    way up it is and how its rays are spread about their pixels, which the repair leaves as it is.
 
     Nothing of the author's is changed: copies are judged. Further arguments as `judge_stranger` has them.
     """
     causes = dict.fromkeys(name for cause in diagnosis.causes for name in (cause.id, *cause.alike) if name)
     tried: set[str] = set()
     for name in causes:
-        for root, file in _texts(shader.files):
-            for repair in repairs(name, file.read_text(encoding="utf-8", errors="replace")):
+        for one in _texts(shader.files):
+            for repair in repairs(name, one.text):
                 if repair.text in tried:
                     continue
                 if len(tried) == TRIED:
                     return None
                 tried.add(repair.text)
-                judged = _judged(shader, root, file, repair.text, scene, store=store, budget=budget,
-                                 tolerance=tolerance, spp=spp)
+                judged = _judged(shader, one.root, one.file, one.whole(repair.text), scene, store=store, budget=budget,
+                                 tolerance=tolerance, spp=spp, view=view)
                 if judged is not None and judged.outcome == "pass":
-                    return Repaired(f"{file}:{repair.line}", repair.before, repair.after, repair.says, judged)
+                    return Repaired(f"{one.name}:{repair.line}", repair.before, repair.after, repair.says, judged)
     return None
 
 
-def _texts(files: Sequence[Path]) -> Iterator[tuple[Path, Path]]:
-    """The files whose lines can be mended, each with the file or folder that it was named by."""
+@dataclass(frozen=True)
+class _Text:
+    """A text whose lines can be mended: what messages call it, the file that holds it, the file or folder that was
+    named, and what the file is with another text in its place."""
+
+    name: str
+    root: Path
+    file: Path
+    text: str
+    whole: Callable[[str], str]
+
+
+def _texts(files: Sequence[Path]) -> Iterator[_Text]:
+    """Of all files, in order."""
     for root in files:
         for file in sorted(root.rglob("*")) if root.is_dir() else [root]:
-            if file.suffix.lower() in TEXTS and file.is_file():
-                yield root, file
+            if not file.is_file() or file.suffix.lower() not in (*TEXTS, *EXPORTS):
+                continue
+            text = file.read_text(encoding="utf-8", errors="replace")
+            if file.suffix.lower() in TEXTS:
+                yield _Text(str(file), root, file, text, lambda mended: mended)
+            else:
+                yield from (_Text(f"{file} ({name})", root, file, code, whole) for name, code, whole in exported(text))
 
 
 def _judged(shader: Shader, root: Path, file: Path, text: str, scene: SceneFile, **options: Any) -> Judged | None:

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.diagnosis.causes.match import Seen
-from harness.diagnosis.causes.transforms import fitted
+from harness.diagnosis.causes.match import Seen, fit
+from harness.diagnosis.causes.transforms import fitted, inner_pixels
+from harness.diagnosis.pixels import PART, USUAL, View, find_spread, find_turn
 from harness.errors import SceneError
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.shader import Shader, ShaderRenderer
@@ -23,6 +24,7 @@ from harness.progress import Progress, quiet
 from harness.samples.estimate import Accumulator, Batch, Estimate, luminance, with_luminance
 from harness.samples.store import Store
 from harness.scene import SceneFile, load
+from harness.scene.footprint import BOX, Footprint
 from harness.stats.findings import TileFinding, summarised
 from harness.stats.levels import Looks
 from harness.stats.sequential import Looking
@@ -50,7 +52,7 @@ HIDDEN_LIGHTS = ("point", "spot", "directional", "directionalarea", "projector",
 # Depth at which paths without a bound are cut for `bsdf_path`, which needs one.
 DEEP = 64
 # A factor without a name is no slip of a contract: too much albedo looks like that too.
-_ANY_FACTOR = re.compile(r"a factor of (?!2$|4$)[\d.e+-]+")
+_ANY_FACTOR = re.compile(r"\ba factor of (?!2$|4$)[\d.e+-]+$")
 # Encodings that are tried on frames whose mean stays below this: encoded values end at 1.
 ENCODED_MAX = 1.05
 
@@ -85,6 +87,8 @@ class Judged:
     note: str
     frames: int
     seconds: float
+    compared: tuple[Estimate, Estimate]
+    view: View = USUAL
 
     @property
     def outcome(self) -> str:
@@ -94,43 +98,60 @@ class Judged:
     @property
     def is_right(self) -> bool:
         """The mean passes and nothing fails: of two thousand tiles a few stay undecided for long, as in a study."""
-        return self.outcome == "pass" or (self.outcome == "inconclusive" and self.verdict.mean.outcome == "pass")
+        return _is_right(self.verdict)
+
+
+def _is_right(verdict: BiasVerdict) -> bool:
+    return verdict.outcome == "pass" or (verdict.outcome == "inconclusive" and verdict.mean.outcome == "pass")
 
 
 def judge_stranger(shader: Shader, scene: SceneFile, *, store: Store | None = None, budget: float = 60.0,
                    tolerance: float | None = None, encoding: Encoding = "", spp: int | None = None,
-                   frames: int | None = None, transforms: bool = True, progress: Progress = quiet) -> Judged:
+                   frames: int | None = None, transforms: bool = True, view: View | None = None,
+                   progress: Progress = quiet) -> Judged:
     """Hold a shader's single frames against Mitsuba's picture of the scene.
 
     `budget`: seconds for the shader's frames; the verdict is told as soon as it is certain. `encoding`: what the
     experiments found frames to be put through. `spp`: samples per pixel of the reference, enough for the film if None.
     `frames`: of each of its batches, instead of what fits into the budget. `transforms`: whether to ask what a picture
-    that fails was put through. Raises as the estimators do.
+    that fails was put through, which way up it is and how its rays are spread about their pixels; `view`: what is known
+    of that: it is judged so, and nothing is asked. Raises as the estimators do.
     """
     allowed = tolerance_of(scene, tolerance)
     began = time.perf_counter()
     with shader.open(scene) as renderer:  # first: it is the likelier to fail
         run = frames or _frames_of_a_batch(renderer, budget)
-    held = reference(scene, allowed, spp=spp, store=store, progress=progress)
-    images, verdict = _drawn(replace(shader, run=run), scene, held, allowed, budget, progress)
-    transform = ""
-    if verdict.outcome == "fail" and transforms:
+    held = reference(scene, allowed, spp=spp, store=store, footprint=view.footprint if view else BOX,
+                     progress=progress)
+    shader = replace(shader, run=run)
+    images, verdict = _drawn(shader, scene, held, allowed, budget, progress, view or USUAL)
+    transform, compared = "", (_estimate(images, run), held.run.estimate())
+    if verdict.outcome == "fail" and transforms and view is None:
         # First what is done to each frame: of it no transform of the mean is the inverse.
-        transform = (_encoded(replace(shader, run=run), scene, held, allowed, images, encoding)
+        transform = (_encoded(shader, scene, held, allowed, images, encoding)
                      or _transformed(images, run, scene, held, spp, store, progress))
+        if not transform:
+            view, seen = _view(images, run, scene, held, spp, store, progress)
+            if not view.is_usual:  # judged once more, for what failed did so at the first look
+                again, usual = _drawn(shader, scene, replace(held, run=seen), allowed, budget, progress, view)
+                compared = _estimate(again, run), seen.estimate()
+                if _is_right(usual):
+                    parts = (view.turn, view.spread.defect.says if view.spread else "")
+                    transform = f"the picture is right but for {' and '.join(part for part in parts if part)}"
     estimate = _estimate(images, run)
     slope, offset = _line(estimate.mean, held.run.estimate().mean, verdict.fine.tile)
     return Judged(scene, verdict, transform, slope, offset, _worst(verdict), estimate, held.run.estimate(),
-                  held.integrator, held.note, len(images) * run, time.perf_counter() - began)
+                  held.integrator, held.note, len(images) * run, time.perf_counter() - began, compared, view or USUAL)
 
 
 def reference(scene: SceneFile, tolerance: Tolerance, *, spp: int | None = None, store: Store | None = None,
-              progress: Progress = quiet) -> Reference:
-    """Mitsuba's `path`, unless `bsdf_path` shows that it leaks light."""
-    run = _mitsuba(scene, "path", spp, store, progress)
+              footprint: Footprint = BOX, progress: Progress = quiet) -> Reference:
+    """Mitsuba's `path`, unless `bsdf_path` shows that it leaks light; `footprint`: how its rays are spread about their
+    pixels."""
+    run = _mitsuba(scene, "path", spp, store, progress, footprint)
     if reason := _hidden_light(scene):
         return Reference(run, "path", reason)
-    other = _mitsuba(scene, "bsdf_path", spp, store, progress)
+    other = _mitsuba(scene, "bsdf_path", spp, store, progress, footprint)
     verdict = bias_verdict(run.tiles(), other.tiles(), tolerance, fail_level=FALSE_ALARMS)
     if verdict.outcome != "fail":
         return Reference(run, "path")
@@ -155,10 +176,11 @@ def _spp(scene: SceneFile) -> int:
     return min(MOST_SPP, max(256, REFERENCE_SPP * REFERENCE_PIXELS // (film.width * film.height)))
 
 
-def _mitsuba(scene: SceneFile, integrator: str, spp: int | None, store: Store | None, progress: Progress) -> Run:
+def _mitsuba(scene: SceneFile, integrator: str, spp: int | None, store: Store | None, progress: Progress,
+             footprint: Footprint = BOX) -> Run:
     """So many samples of an integrator."""
     depth = DEEP if integrator == "bsdf_path" and scene.depth is None else None
-    with Mitsuba(integrator, depth).open(scene) as renderer:
+    with Mitsuba(integrator, depth, footprint=footprint).open(scene) as renderer:
         samples = spp or _spp(scene)
         run = reference_run(renderer, samples, store)
         replicas = -(-samples // run.spp)
@@ -184,17 +206,20 @@ def _frames_of_a_batch(renderer: ShaderRenderer, budget: float) -> int:
 
 
 def _drawn(shader: Shader, scene: SceneFile, held: Reference, tolerance: Tolerance, budget: float,
-           progress: Progress) -> tuple[np.ndarray, BiasVerdict]:
+           progress: Progress, view: View) -> tuple[np.ndarray, BiasVerdict]:
     """Batches of frames, (B, H, W, 3), and the verdict, at the look that decided. Where the budget ends before all
-    looks the last verdict stands."""
+    looks the last verdict stands. `view`: how they are turned."""
     counts = [BATCHES // share for share in SHARES]
     looking = Looking(Looks(tuple(shader.run * count for count in counts)), tolerance, FALSE_ALARMS)
     images: list[np.ndarray] = []
     began = time.perf_counter()
+    truth = held.run.estimate().mean
     with shader.open(scene) as renderer, progress(BATCHES * shader.run, shader.name) as advance:
+        state = renderer.state()[..., None]  # what is no radiance is neither right nor wrong
         for look, count in enumerate(counts):
             while len(images) < count:
-                images.append(renderer.render_batch(len(images), 0, shader.run, advance).mean)
+                image = renderer.render_batch(len(images), 0, shader.run, advance).mean
+                images.append(view.turned(np.where(state, view.turned(truth), image)))
             verdict = looking.decide(look, samples_of(np.stack(images), shader.run), held.run.tiles())
             if verdict.outcome != "inconclusive" or time.perf_counter() - began > OVERDUE * budget:
                 break
@@ -218,10 +243,26 @@ def _transformed(images: np.ndarray, run: int, scene: SceneFile, held: Reference
     double = scene.sized(2 * film.width, 2 * film.height)
     fine = _mitsuba(double, held.integrator, (spp or _spp(scene)) // 4 or 1, store, progress).estimate()
     found, truth = Seen.of(_estimate(images, run)), Seen.of(held.run.estimate())
+    if fit(found, truth, inner_pixels(truth.mean.shape)).same:  # all that is off lies where shifts would lose pixels
+        return ""
     for one in fitted(found, truth, Seen.of(fine)):
-        if one.fit.same and not _ANY_FACTOR.fullmatch(one.says):
+        if one.fit.same and not _ANY_FACTOR.search(one.says):
             return f"the picture is right but for {one.says}"
     return ""
+
+
+def _view(images: np.ndarray, run: int, scene: SceneFile, held: Reference, spp: int | None, store: Store | None,
+          progress: Progress) -> tuple[View, Run]:
+    """How the picture has to be looked at, and the reference as its rays see it."""
+    def seen(footprint: Footprint) -> Estimate:
+        part = (spp or _spp(scene)) // PART or 1
+        return _mitsuba(scene, held.integrator, part, store, progress, footprint).estimate()
+
+    truth = held.run.estimate()
+    view = View(find_turn(images.mean(axis=0), truth.mean))
+    upright = np.stack([view.turned(image) for image in images])
+    view = replace(view, spread=find_spread(_estimate(upright, run), truth, seen))
+    return view, _mitsuba(scene, held.integrator, spp, store, progress, view.footprint) if view.spread else held.run
 
 
 def _encoded(shader: Shader, scene: SceneFile, held: Reference, tolerance: Tolerance, images: np.ndarray,
@@ -276,6 +317,11 @@ def told(judged: Judged) -> list[str]:
              f"{judged.frames} frames; slope {judged.slope:.4f}, offset {judged.offset:+.3g}",
              f"worst tile: x {worst.x} to {worst.x + worst.tile}, y {worst.y} to {worst.y + worst.tile}: "
              f"{worst.channel} {worst.error:+.2%} ({worst.low:+.2%} to {worst.high:+.2%})"]
+    if judged.view.turn:
+        lines.append(f"it resembles the reference with {judged.view.turn}, and was turned before it was looked at more "
+                     "closely")
+    if spread := judged.view.spread:
+        lines.append(f"its edges are as of {spread.defect.says}: {spread.left:.0%} of what they are off by is left")
     if judged.transform:
         lines.append(judged.transform)
     if judged.outcome == "inconclusive":

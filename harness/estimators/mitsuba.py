@@ -10,18 +10,20 @@ from harness.machine.mitsuba_runtime import REFERENCE_VARIANT
 from harness.reference.prepare import INDEPENDENT
 from harness.reference.renderer import FILES_OWN, ReferenceRenderer
 from harness.scene import SceneFile
+from harness.scene.footprint import BOX, Footprint
 
 
 @dataclass(frozen=True)
 class Mitsuba:
     """`integrator`: the scene file's own, or another by name; `max_depth`: in place of the file's; `variant`: of
     Mitsuba, such as llvm_ad_spectral; `sampler`: of Mitsuba, all but the independent one of which make the samples of a
-    replica depend on each other."""
+    replica depend on each other; `footprint`: how rays are spread about a pixel's centre."""
 
     integrator: str = FILES_OWN
     max_depth: int | None = None
     variant: str = REFERENCE_VARIANT
     sampler: str = INDEPENDENT
+    footprint: Footprint = BOX
 
     @property
     def name(self) -> str:
@@ -42,7 +44,7 @@ class Mitsuba:
     def open(self, scene: SceneFile) -> Iterator[ReferenceRenderer]:
         """HarnessError for an unknown integrator or variant, SceneError where Mitsuba refuses the scene."""
         renderer = ReferenceRenderer(scene, self.integrator, max_depth=self.max_depth, variant=self.variant,
-                                     sampler=self.sampler)
+                                     sampler=self.sampler, footprint=self.footprint)
         try:
             yield renderer
         finally:

@@ -23,6 +23,7 @@ from harness.shader.hosts.reading import Answer
 from harness.strangers.law import find_law, weight_is_of_the_new, with_weight_of_the_new
 from harness.strangers.process import Limits, Process
 from harness.strangers.single import Encoding
+from harness.strangers.state import state_pixels
 
 # Frames of a replica. Their numbers must stay small: many a seed is a float that loses its last digits far from zero.
 RUN = 1024
@@ -88,6 +89,11 @@ class ShaderRenderer:
             contract = with_law(contract, size, process)
         self.contract = contract
         self.law = contract.law or Law("none")
+
+    def state(self) -> np.ndarray:
+        """(H, W): pixels that hold something of the author's own and no radiance, rows as a batch has them."""
+        found = state_pixels(self._process, self.law)
+        return found if self.contract.flipped else found[::-1]
 
     @property
     def identity(self) -> dict[str, str]:

@@ -70,7 +70,7 @@ def graded_alone(task: Task, submission: Submission) -> Graded:
     """One submission. MachineError and StoreError as the renderers."""
     began = time.perf_counter()
     shader = Shader(submission.files, task.host, task.values)
-    names = tuple(file.name for file in submission.files)
+    names = submission.names
     try:
         scene = sized(task.scene, task.size or shader.read().size)
         checked = check_shader(shader, scene, store=Store(task.store) if task.store else None, budget=task.budget,

@@ -13,10 +13,16 @@ SUFFIXES = (".gra", ".glsl", ".frag", ".fs", ".fsh", ".json", ".html", ".htm", "
 
 @dataclass(frozen=True)
 class Submission:
-    """One student's files."""
+    """One student's files, or the folder that holds them all: what is read of a folder is told by what is in it."""
 
     name: str
     files: tuple[Path, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the files, those of a folder one by one."""
+        return tuple(file.name for given in self.files
+                     for file in (sorted(filter(_is_shader, given.iterdir())) if given.is_dir() else [given]))
 
 
 def submissions(folder: Path) -> tuple[Submission, ...]:
@@ -33,6 +39,8 @@ def submissions(folder: Path) -> tuple[Submission, ...]:
             continue
         if path.is_dir():
             files = tuple(sorted(file for file in path.rglob("*") if _is_shader(file) and not _is_hidden(file, path)))
+            if files and all(file.parent == path for file in files):
+                files = (path,)
             name = path.name
         else:
             files, name = ((path,), path.stem) if _is_shader(path) else ((), path.stem)

@@ -10,6 +10,7 @@ import numpy as np
 
 from harness.errors import HarnessError
 from harness.machine.mitsuba_runtime import REFERENCE_VARIANT, import_mitsuba, use_reference_variant
+from harness.reference import footprint as footprints
 from harness.reference.motion import MovingShapes, moment, moments, samples_per_moment
 from harness.reference.prepare import INDEPENDENT, Prepared, prepare, reason
 from harness.samples.cost import Watch, cpu
@@ -18,6 +19,7 @@ from harness.samples.keys import code_digest
 from harness.samples.spent import spent
 from harness.samples.traits import Traits
 from harness.scene import SceneFile, motion
+from harness.scene.footprint import BOX, Footprint
 
 INTEGRATORS = ("path", "bsdf_path")
 FILES_OWN = "file"  # the integrator that the scene file names
@@ -46,16 +48,17 @@ class ReferenceRenderer:
 
     @spent("Mitsuba")
     def __init__(self, scene: SceneFile, integrator: str = FILES_OWN, *, max_depth: int | None = None,
-                 variant: str = REFERENCE_VARIANT, sampler: str = INDEPENDENT) -> None:
+                 variant: str = REFERENCE_VARIANT, sampler: str = INDEPENDENT, footprint: Footprint = BOX) -> None:
         """Instantiate the scene's file. `integrator`: the file's own, or the name of another: Mitsuba's `path`, our
-        `bsdf_path` without light sampling, or any that Mitsuba has. `max_depth`: in place of the file's.
+        `bsdf_path` without light sampling, or any that Mitsuba has. `max_depth`: in place of the file's. `footprint`:
+        how rays are spread about a pixel's centre.
 
         `sampler`: with any other than the independent one the samples of a call depend on each other, so only whole
         replicas of at most `samples_per_call` samples are independent, and batches of one replica are not.
 
         Raises HarnessError for an unknown integrator or variant, and whatever `prepare` raises.
         """
-        self.scene, self.variant, self.sampler = scene, variant, sampler
+        self.scene, self.variant, self.sampler, self.footprint = scene, variant, sampler, footprint
         if variant not in (known := import_mitsuba().variants()):
             raise HarnessError(f"unknown variant '{variant}'; allowed: {', '.join(known)}")
         self._prepared: Prepared | None = None
@@ -101,6 +104,7 @@ class ReferenceRenderer:
             "variant": self.variant,
             "code": code_digest(__name__),
             **({} if self.sampler == INDEPENDENT else {"sampler": self.sampler}),
+            **({} if self.footprint == BOX else {"footprint": str(self.footprint)}),
         }
 
     @spent("Mitsuba")
@@ -146,7 +150,12 @@ class ReferenceRenderer:
         for first, spp in self._pieces(start, count):
             if self._moving_shapes is not None and reading is not None:
                 self._moving_shapes.move(moment(reading.camera.shutter, replica, first, self._sharing))
-            rendered: Any = self._integrator.render(scene, sensor, seed=call_seed(replica, first), spp=spp)
+            seed = call_seed(replica, first)
+            if self.footprint == BOX:
+                rendered: Any = self._integrator.render(scene, sensor, seed=seed, spp=spp)
+            else:
+                rendered = footprints.render(use_reference_variant(self.variant), scene, self._integrator,
+                                             self.footprint, seed, spp)
             image = np.array(rendered)  # the copy waits for Mitsuba to finish
             if image.shape[-1] != 3:
                 raise HarnessError(f"integrator '{self.integrator}' renders {image.shape[-1]} channels where three are "

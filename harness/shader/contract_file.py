@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import tomllib
@@ -55,6 +56,8 @@ def save(contract: Contract, path: Path) -> None:
         value = getattr(contract, key)
         if value is not None:
             lines += [f"# {comment}", f"{key} = {_toml(value)}"]
+    lines += ["# Of the shader's files as they were when this was found out; without it no change of them is noticed.",
+              f"digest = {_toml(digest(contract))}"]
     if contract.law:
         lines += ["", "[law]  # out = a(n) past + b(n) sample; found by experiment"]
         for key, (_, comment) in _LAW.items():
@@ -88,6 +91,22 @@ def load(path: Path, files: Sequence[Path]) -> Contract:
     return _Loader(path).contract(files)
 
 
+def digest(contract: Contract) -> str:
+    """16 hexadecimal digits of the author's texts, whatever the files are called and ends of lines are."""
+    texts = sorted({"\n".join(text.splitlines()) for one in contract.passes for _, text in one.source.files})
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:16]
+
+
+def stale(path: Path, contract: Contract) -> str:
+    """A sentence where the shader of a contract that `load` has read is another than the file was written for; else
+    empty."""
+    kept = tomllib.loads(path.read_text(encoding="utf-8")).get("digest", "")
+    if not kept or kept == digest(contract):
+        return ""
+    return (f"{path}: the shader has changed since this was found out (digest {kept}, now {digest(contract)}); where "
+            "its passes, uniforms or averaging changed too, write it anew with --keep-contract")
+
+
 class _Loader:
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -107,7 +126,7 @@ class _Loader:
     def contract(self, files: Sequence[Path]) -> Contract:
         data = self._data
         self._table(data, {**{key: kind for key, (kind, _) in _TOP.items()},
-                           "law": dict, "values": dict, "pass": list})
+                           "digest": str, "law": dict, "values": dict, "pass": list})
         said = self._said(data.get("said", []))
         values = {name: self._value(name, value) for name, value in data.get("values", {}).items()}
         found = read(files, data.get("host"), {**said, **values})
@@ -256,4 +275,4 @@ def _toml(value: object) -> str:
     return repr(value)
 
 
-__all__ = ["answer", "load", "save"]
+__all__ = ["answer", "load", "save", "stale"]

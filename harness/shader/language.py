@@ -22,6 +22,7 @@ _ES = (100, 300, 310, 320)
 _HIGH = "precision highp float; precision highp int; precision highp sampler2D; precision highp samplerCube;"
 _HIGH_300 = (_HIGH + " precision highp sampler3D; precision highp sampler2DArray; precision highp isampler2D; "
              "precision highp usampler2D;")
+_LOWERED = ("#define lowp highp", "#define mediump highp")
 # What GLSL 1.30 and ES 3.00 called anew; `gl_FragColor` becomes an output of this name.
 OUTPUT = "harness_color"
 _RENAMED = {"varying": "in", "texture2D": "texture", "textureCube": "texture", "texture2DLod": "textureLod",
@@ -94,17 +95,24 @@ def complete(source: ShaderSource, language: Language, declares: Sequence[str] =
                   for found in _EXTENSION.finditer(text)]
     text = _EXTENSION.sub(lambda found: hidden(found[0]), text)
     macros = dict(defines or {})
-    if language.es:
-        text = _LOW.sub("highp", text)
     if zero:
         text = zero_initialised(text, {**language.macros, **macros})
     head = [language.line, *extensions]
     if language.es:
         head.append(_HIGH if language.number == 100 else _HIGH_300)
+        head += [f"#define {low} highp" for low in sorted(set(_LOW.findall(text)))]
     head += [f"#define {name} {value}" for name, value in {**(_renamed(text, language)), **macros}.items()]
     if not language.old and re.search(r"\bgl_FragColor\b", text) and "gl_FragColor" not in macros:
         head += [f"layout(location = 0) out vec4 {OUTPUT};", f"#define gl_FragColor {OUTPUT}"]
     return replace(source, text="\n".join([*head, *declares, text]) + after)
+
+
+def with_own_precision(text: str) -> str | None:
+    """What `complete` made of a text, in the precision that its author asks for; None where that is high anyway."""
+    lines = text.split("\n")
+    if not any(line in _LOWERED for line in lines):
+        return None
+    return "\n".join("" if line in (_HIGH, _HIGH_300, *_LOWERED) else line for line in lines)
 
 
 def _renamed(text: str, language: Language) -> dict[str, str]:

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.errors import ShaderError
 from harness.gpu.frames import Moment
 from harness.samples.estimate import luminance
 from harness.shader.contract import Contract
@@ -21,6 +20,8 @@ from harness.strangers.law import LawFound, find_law, inner, weight_is_of_the_ne
 from harness.strangers.process import Process
 from harness.strangers.seeds import ROUNDING, find_repeats
 from harness.strangers.single import Encoding
+from harness.strangers.state import state_pixels
+from harness.strangers.trials import CERTAIN, MATTERS, Trials, difference
 
 # Frames that random numbers are looked for repeats in.
 SEED_FRAMES = 256
@@ -30,14 +31,10 @@ SIZE = (32, 24)
 FLOOD = 0.5
 # What the past holds that nobody cleared, and what a clock says that started long ago.
 STALE, LATER = 7.0, 1000.25
-# Means that must agree: standard errors, and part of the mean.
-CERTAIN, MATTERS = 8.0, 0.02
 # Quantile at which samples are clipped; the share of a first frame's pixels that lie outside all later ones.
 CLIP, OUTSIDE = 0.95, 0.25
 # Films of two sizes see other things at their edges; their means differ by less.
 BY_SIZE = 0.15
-# Frames that are compared with and without a line of the author's.
-TRIAL_FRAMES = 4
 
 
 def experiment(contract: Contract, process: Process, size: tuple[int, int] = SIZE, *,
@@ -69,41 +66,33 @@ class _Experiments:
 
     def __init__(self, contract: Contract, found: LawFound, process: Process, size: tuple[int, int]) -> None:
         self.contract, self.found, self.process, self.size = contract, found, process, size
-        self.law = found.law
-        self.first = contract.first_frame
-        # A host that gives the weight can give each frame the whole of it.
-        self.count = 0 if self.law.count == "uniform" else None
+        self.trials = Trials(contract, found.law, process, size)
+        self.law, self.first, self.count = found.law, contract.first_frame, self.trials.count
 
     def run(self, *, thorough: bool) -> Findings:
         """All of them. What makes later ones pointless ends them."""
-        cut = list(self._iterations())
+        cut = list(self.trials.iterations())
         frames = FRAMES if cut else SEED_FRAMES  # a loop that was cut short takes its time in every frame
         result = self.process.loop(FRAMES)
-        alone = self._alone(range(self.first, self.first + FRAMES))
+        alone = self.trials.alone(range(self.first, self.first + FRAMES))
         accumulation = self._accumulation(radiance_of(result, self.law, FRAMES), alone)
-        stack = self._alone(range(self.first + 1, self.first + 1 + frames))
+        stack = self.trials.alone(range(self.first + 1, self.first + 1 + frames))
         found = [*cut, *self._samples_alone(stack, result)]
         encoding: Encoding = ""
         if not any(one.kind in HOPELESS for one in found):
             found += self._joined(accumulation)
             clock = list(self._clock(stack))
-            found += [*self._past(), *clock, *self._first_frame(alone[0], stack), *self._weights(stack)]
+            found += [*self._past(), *self._state(), *clock, *self._first_frame(alone[0], stack), *self._weights(stack)]
             if not any(one.kind == "clock" for one in clock):  # what moves repeats
                 found += self._seeds(stack)
             if thorough and not cut:
-                found += [*self._unset(stack), *self._sizes(stack, found)]
-                tried, encoding = self._lines()
-                found += tried
+                found += [*self.trials.unset(stack), *self._sizes(stack, found), *self.trials.precision(stack)]
+                tried, encoding = self.trials.lines()
+                found += [*tried, *self.trials.samples_a_frame(), *self.trials.random_numbers(stack)]
         self.process.open(self.contract, self.size)
         order = {"fault": 0, "warning": 1, "note": 2}
         return Findings(self.contract, self.found.told, accumulation,
                         tuple(sorted(found, key=lambda one: order[one.severity])), encoding, frames)
-
-    def _alone(self, numbers: range, contract: Contract | None = None) -> np.ndarray:
-        """Samples of single frames, (F, H, W, 3)."""
-        stack = self.process.singles(self.law, numbers, keep=True, count=self.count).stack
-        assert stack is not None
-        return stack
 
     def _accumulation(self, result: np.ndarray, alone: np.ndarray) -> Accumulation:
         verdict = judge_accumulation(result, alone, self.law)
@@ -175,6 +164,16 @@ class _Experiments:
                           "the first frame reads its past, which in Gratin holds whatever was drawn before; begin anew "
                           f"where the frame's number is {self.first}")
 
+    def _state(self) -> Iterator[Finding]:
+        """Pixels that hold something else than radiance."""
+        rows, columns = np.nonzero(state_pixels(self.process, self.law))
+        if len(rows):
+            first = f"({columns[0]}, {rows[0]})"
+            which = (f"pixel {first}, counted from the lower left, holds" if len(rows) == 1
+                     else f"{len(rows)} pixels, the first of them {first}, hold")
+            yield Finding("state", "note", "shader", f"{which} something of its own and no radiance; left out of the "
+                          "picture", evidence=(("pixels", float(len(rows))),))
+
     def _seeds(self, stack: np.ndarray) -> Iterator[Finding]:
         values = luminance(stack)
         for repeat in find_repeats(values):
@@ -230,28 +229,9 @@ class _Experiments:
             yield Finding("seeds_by_clock", "note", "seeds",
                           "the random numbers come from the clock alone: frames at the same time are the same")
             return
-        if away := _parts(frozen, then):
+        if away := difference(frozen, then):
             yield Finding("clock", "fault", "estimator", f"the picture itself changes with the clock ({away}): frames "
                           "of different times cannot be averaged")
-
-    def _unset(self, stack: np.ndarray) -> Iterator[Finding]:
-        """Is it another picture where every variable starts at zero?"""
-        try:
-            self.process.open(lines.with_zeros(self.contract), self.size)
-            numbers = range(self.first + 1, self.first + 1 + TRIAL_FRAMES)
-            zeroed = self._alone(numbers)
-        except ShaderError:  # a text that cannot be changed so
-            self.process.open(self.contract, self.size)
-            return
-        self.process.open(self.contract, self.size)
-        share = float((~np.isclose(zeroed, stack[:TRIAL_FRAMES], rtol=1e-3, atol=1e-6, equal_nan=True)).mean())
-        if share > 0:
-            warned = self.process.unset()
-            where, name = warned[0] if warned else ("", "")
-            which = f"'{name}'" if name else "some variable"
-            yield Finding("unset_variable", "fault", "shader",
-                          f"{which} is read before it has a value: with all variables at zero {share:.1%} of the "
-                          "samples are others, and every driver has its own", where, (("share", share),))
 
     def _sizes(self, stack: np.ndarray, found: Sequence[Finding]) -> Iterator[Finding]:
         """Is the picture the same on a larger film? Of noise that repeats nobody can tell."""
@@ -259,59 +239,12 @@ class _Experiments:
             return
         larger = (2 * self.size[0], 2 * self.size[1])
         self.process.open(self.contract, larger)
-        other = self._alone(range(self.first + 1, self.first + 1 + SEED_FRAMES // 4))
+        other = self.trials.alone(range(self.first + 1, self.first + 1 + SEED_FRAMES // 4))
         self.process.open(self.contract, self.size)
         quarters = other.reshape(len(other), self.size[1], 2, self.size[0], 2, 3).mean(axis=(2, 4))
-        if away := _parts(quarters, stack[:len(other)], matters=BY_SIZE):
+        if away := difference(quarters, stack[:len(other)], matters=BY_SIZE):
             yield Finding("resolution", "fault", "estimator", f"the picture is another on a film of {larger[0]} x "
                           f"{larger[1]} pixels ({away}): a size is written into the shader")
-
-    def _iterations(self) -> Iterator[Finding]:
-        """Has the driver cut a loop short, in silence?"""
-        wrapped = lines.with_sentinel(self.contract) if self.process.facts.get("iterations") else None
-        if wrapped is None:
-            return
-        try:
-            self.process.open(wrapped, self.size)
-        except ShaderError:  # a text that cannot be wrapped
-            return
-        self.process.frame(Moment.of(self.first + 1, 1))
-        counted = self.process.read(self.contract.radiance)[..., 0]
-        self.process.open(self.contract, self.size)
-        cut = float(((counted >= 0) & (counted < lines.SENTINEL)).mean())
-        if cut > 0:
-            where = lines.loops(self.contract)
-            yield Finding("loop_cut", "fault", "shader",
-                          f"a loop runs so long in {cut:.0%} of the pixels that the driver leaves it after "
-                          f"{self.process.facts['iterations']} iterations, without a word: give it a bound",
-                          where[0] if where else "", (("share", cut),))
-
-    def _lines(self) -> tuple[list[Finding], Encoding]:
-        """What single lines of the author's do to the samples."""
-        numbers = range(self.first + 1, self.first + 1 + TRIAL_FRAMES)
-        usual = self._alone(numbers)
-        found: list[Finding] = []
-        encoding: Encoding = ""
-        for trial in [*list(lines.encodings(self.contract))[:lines.MOST_LINES],
-                      *list(lines.clamps(self.contract))[:lines.MOST_LINES]]:
-            try:
-                self.process.open(trial.contract, self.size)
-                without = self._alone(numbers)
-            except ShaderError:  # a text that does not compile without it
-                continue
-            if trial.encoding and lines.is_encoded(usual, without, trial.encoding):
-                encoding = trial.encoding
-                found.append(Finding("encodes_samples", "fault", "estimator",
-                                     f"each frame is encoded before it is averaged (`{trial.line}`): the mean of roots "
-                                     "is not the root of the mean; encode when you show it", trial.where))
-                break
-            if trial.bound and (share := lines.clamped(usual, without, trial.bound)):
-                found.append(Finding("clamps_samples", "fault", "estimator",
-                                     f"samples are clamped to {trial.bound:g} (`{trial.line}`), {share:.2%} of them: "
-                                     "the mean is too dark wherever light is brighter", trial.where,
-                                     (("share", share),)))
-                break
-        return found, encoding
 
 
 # What leaves nothing to look at.
@@ -323,22 +256,3 @@ STALE_HOSTS = ("gratin", "body", "native")
 def _equal_frames(stack: np.ndarray) -> bool:
     values = np.nan_to_num(stack)
     return bool((np.ptp(values, axis=0) <= ROUNDING * (np.abs(values).max(axis=0) + 1e-30)).all())
-
-
-def _parts(one: np.ndarray, other: np.ndarray, matters: float = MATTERS) -> str:
-    """How the pictures that two stacks of samples, (F, H, W, 3), are of part; empty where they may be one.
-
-    The mean over the image, or what most pixels say: rare bright samples upset sums of squares, no medians.
-    """
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        means = [np.nan_to_num(luminance(stack)).mean(axis=(1, 2)) for stack in (one, other)]
-        error = np.sqrt(sum(float(each.var(ddof=1)) / len(each) for each in means))
-        first, second = (float(each.mean()) for each in means)
-        size = max(abs(first), abs(second))
-        if abs(first - second) > max(CERTAIN * error, matters * size):
-            return f"its mean is {first:.4g} instead of {second:.4g}"
-        pixels = [np.nan_to_num(luminance(stack)) for stack in (one, other)]
-        variance = sum(each.var(axis=0, ddof=1) / len(each) for each in pixels)
-        away = np.abs(pixels[0].mean(axis=0) - pixels[1].mean(axis=0))
-        parted = float((away > np.maximum(CERTAIN * np.sqrt(variance), matters * size)).mean())
-    return f"{parted:.0%} of its pixels are others" if parted > 0.25 else ""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.shader.contract import Contract, ShaderPass
+from harness.shader.language import with_own_precision as with_lower
 from harness.shader.source import LINE_STRIDE, ShaderSource
 from harness.shader.zero_init import zero_initialised
 from harness.strangers.law import radiance_pass
@@ -99,6 +100,15 @@ def with_zeros(contract: Contract) -> Contract:
         return replace(one, source=replace(one.source, text=f"{version}{end}{zero_initialised(rest)}"))
 
     return replace(contract, passes=tuple(zeroed(one) for one in contract.passes))
+
+
+def with_own_precision(contract: Contract) -> Contract | None:
+    """The contract in which mediump has 16 bits, as phones have it; None where nothing is said to be mediump."""
+    texts = {one.name: with_lower(one.source.text) for one in contract.passes}
+    if not any(texts.values()):
+        return None
+    return replace(contract, passes=tuple(
+        replace(one, source=replace(one.source, text=texts[one.name] or one.source.text)) for one in contract.passes))
 
 
 def writes(contract: Contract) -> bool:

@@ -179,6 +179,6 @@ def test_what_all_that_failed_have_in_common_is_named(monkeypatch: pytest.Monkey
 
 def test_a_check_is_said_once_by_function() -> None:
     """Of several exponents the first; all stand in the findings."""
-    found = own.Checked((Finding("integral", 2, 1, False, "a", function="f"), Finding("integral", 3, 1, False, "b",
+    found = own.Proofs((Finding("integral", 2, 1, False, "a", function="f"), Finding("integral", 3, 1, False, "b",
                          function="f"), Finding("chi2", 2, 1, False, "c", function="f")), ())
     assert [each.sentence for each in found.failed] == ["a", "c"] and found.functions == ("f",)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -60,6 +61,23 @@ def test_files_of_a_folder_and_what_stands_beside_are_there_too(tmp_path: Path, 
     for files in ((folder,), (folder / "image.glsl",)):
         found = repaired(Shader(files), TWICE, SCENE)
         assert found is not None and found.where == f"{folder / 'image.glsl'}:4"
+
+
+def test_a_line_within_an_export_of_shadertoy_is_mended(tmp_path: Path, seen: list[dict[str, str]]) -> None:
+    """By its pass and its line there; all else of the export stays."""
+    export = {"Shader": {"info": {"name": "ada"}, "renderpass": [
+        {"name": "Image", "type": "image", "code": "void mainImage(out vec4 c, in vec2 p) { c = vec4(0.0); }"},
+        {"name": "Buffer A", "type": "buffer", "code": f"// A\n{WRONG}", "inputs": [{"id": "1"}]}]}}
+    file = tmp_path / "ada.json"
+    file.write_text(json.dumps(export), encoding="utf-8")
+    found = repaired(Shader((file,)), TWICE, SCENE)
+    assert found is not None and found.where == f"{file} (Buffer A):4"
+    mended = json.loads(seen[-1]["ada.json"])
+    assert "return kd;" in mended["Shader"]["renderpass"][1].pop("code")
+    export["Shader"]["renderpass"][1].pop("code")  # type: ignore[index, attr-defined]
+    assert mended == export
+    (tmp_path / "other.json").write_text("[1, 2]", encoding="utf-8")
+    assert repaired(Shader((tmp_path / "other.json",)), TWICE, SCENE) is None
 
 
 def test_none_where_nothing_passes_or_no_repair_is_known(tmp_path: Path, seen: list[dict[str, str]]) -> None:

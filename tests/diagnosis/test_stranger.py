@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from harness.diagnosis.stranger import Judged, judge_stranger, reference, told
@@ -59,6 +60,38 @@ def test_what_is_no_physics_is_told_apart(folder: Path, text: str, name: str, sa
     result = judged(folder, text, name)
     assert result.outcome == "fail"
     assert says in result.transform
+
+
+JITTER = "(pixel + vec2(rnd(), rnd()))"
+
+
+def test_rays_through_the_pixels_centre_are_told_apart(folder: Path) -> None:
+    result = judged(folder, body().replace(JITTER, "(pixel + 0.0 * vec2(rnd(), rnd()) + 0.5)"), "centre.frag")
+    assert result.outcome == "fail"
+    assert result.transform == "the picture is right but for every ray through its pixel's centre (no antialiasing)"
+    assert any(line.startswith("its edges are as of every ray through") for line in told(result))
+
+
+def test_half_a_pixel_does_not_hide_what_is_wrong_besides(folder: Path) -> None:
+    """Both pictures that are compared for a cause have the shift, and differ by the cause alone."""
+    result = judged(folder, body(BRIGHT).replace(JITTER, "(pixel + 0.5 + vec2(rnd(), rnd()))"), "shifted.frag")
+    assert result.outcome == "fail" and result.transform == ""
+    assert result.view.spread is not None
+    assert result.view.spread.defect.id == "half-pixel-up-right"
+    found, truth = result.compared
+    assert np.abs(found.mean - result.reference.mean).max() > 0.2  # along edges
+    assert np.abs(found.mean / truth.mean - 1).max() < 0.1
+    again = judge_stranger(Shader((folder / "shifted.frag",)), SceneFile(folder / "ball.xml"),
+                           store=Store(folder / "store"), frames=FRAMES, tolerance=0.05, spp=SPP, view=result.view)
+    assert again.outcome != "fail", told(again)
+
+
+def test_what_holds_no_radiance_is_left_out(folder: Path) -> None:
+    corner = toy().replace("1.0 / float(iFrame + 1)), 1.0);",
+                           "1.0 / float(iFrame + 1)), 1.0); if (coord.x < 1.0 && coord.y < 1.0) color = vec4(9.0);")
+    assert corner != toy()
+    result = judged(folder, corner, "corner.glsl")
+    assert result.outcome != "fail", told(result)
 
 
 class TestReference:

@@ -14,6 +14,7 @@ from harness.errors import HarnessError
 from harness.grading.records import HINTS, Graded, Hints, Part, told
 from harness.grading.sheets import CSV_FILE, GRADESCOPE_FILE, INDEX_FILE, gradescope, sheets
 from harness.grading.submissions import submissions
+from harness.shader.hosts import read
 
 PNG = bytes.fromhex("89504e470d0a1a0a")
 ADA = Graded(
@@ -86,12 +87,24 @@ class TestSubmissions:
 
     def test_are_files_and_folders(self, tmp_path: Path) -> None:
         for name in ("eva.gra", "ada/image.glsl", "ada/bufferA.glsl", "ada/notes.txt", "ada/.git/x.frag", "README.md",
-                     ".hidden/x.frag", "empty/none.txt"):
+                     ".hidden/x.frag", "empty/none.txt", "kim/src/a.frag"):
             (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
             (tmp_path / name).write_text("void main() {}", encoding="utf-8")
         found = submissions(tmp_path)
-        assert [(each.name, [file.name for file in each.files]) for each in found] == [
-            ("ada", ["bufferA.glsl", "image.glsl"]), ("eva", ["eva.gra"])]
+        assert [(each.name, *each.names) for each in found] == [
+            ("ada", "bufferA.glsl", "image.glsl"), ("eva", "eva.gra"), ("kim", "a.frag")]
+        assert found[0].files == (tmp_path / "ada",)
+
+    def test_a_folder_with_an_export_beside_its_tabs_is_one_shader(self, tmp_path: Path) -> None:
+        """As `harness export --host shadertoy` writes it, and as `harness check` reads it."""
+        code = "void mainImage(out vec4 c, in vec2 p) { c = texelFetch(iChannel0, ivec2(p), 0) + vec4(1.0); }"
+        (tmp_path / "ada").mkdir()
+        for name in ("bufferA.glsl", "image.glsl"):
+            (tmp_path / "ada" / name).write_text(code, encoding="utf-8")
+        (tmp_path / "ada" / "ball.json").write_text(json.dumps({"Shader": {"renderpass": [
+            {"name": "Image", "type": "image", "code": code}]}}), encoding="utf-8")
+        (one,) = submissions(tmp_path)
+        assert read(one.files).host == "shadertoy"
 
     def test_two_of_one_name_are_refused(self, tmp_path: Path) -> None:
         (tmp_path / "ada.frag").touch()

@@ -10,7 +10,7 @@ import pytest
 
 from harness.errors import HarnessError
 from harness.shader.contract import Contract, Law
-from harness.shader.contract_file import answer, load, save
+from harness.shader.contract_file import answer, load, save, stale
 from harness.shader.hosts import read
 from tests.support.strangers import written
 
@@ -55,6 +55,19 @@ def test_what_is_saved_is_loaded(tmp_path: Path, paths: list[Path], change: dict
     contract = replace(read(paths, values=values), **change)  # type: ignore[arg-type]
     save(contract, tmp_path / "contract.toml")
     assert load(tmp_path / "contract.toml", paths) == contract
+
+
+def test_a_shader_that_changed_since_is_told(tmp_path: Path, paths: list[Path]) -> None:
+    file = tmp_path / "contract.toml"
+    save(read(paths), file)
+    assert stale(file, load(file, paths)) == ""
+    paths[0].write_bytes(SHADER.replace("\n", "\r\n").encode())  # no change: ends of lines
+    assert stale(file, load(file, paths)) == ""
+    paths[0].write_text(SHADER.replace("steps[1]", "steps[0]"), encoding="utf-8")
+    warning = stale(file, load(file, paths))
+    assert "the shader has changed" in warning and "\n" not in warning
+    file.write_text(file.read_text(encoding="utf-8").replace("digest =", "# digest ="), encoding="utf-8")
+    assert stale(file, load(file, paths)) == ""
 
 
 def test_what_nobody_knows_stays_unknown_until_it_is_written(edited: Callable[..., Contract]) -> None:

@@ -28,9 +28,10 @@ class Hostile:
     lost: bool = False
 
 
-def toy(name: str, answer: str, update: str = MEAN, sample: str = SAMPLE, seed: str = SEED) -> Hostile:
+def toy(name: str, answer: str, update: str = MEAN, sample: str = SAMPLE, seed: str = SEED, *,
+        before: str = "") -> Hostile:
     """A Shadertoy buffer: `o` is its past, `s` the sample, `n` the frame's number, `c` what it leaves."""
-    text = (f"{RANDOM}\nvoid mainImage(out vec4 c, in vec2 p) {{\n{seed}\nvec3 s = {sample};\n"
+    text = (f"{RANDOM}{before}\nvoid mainImage(out vec4 c, in vec2 p) {{\n{seed}\nvec3 s = {sample};\n"
             f"vec4 o = texelFetch(iChannel0, ivec2(p), 0);\nfloat n = float(iFrame);\n{update}\n}}\n")
     return Hostile(name, {"shader.glsl": text.encode()}, answer)
 
@@ -143,4 +144,32 @@ RUNNING = (
         f"s = pow(s, vec3(1.0 / 2.2));\n{MEAN}"),
     toy("negative samples", "samples are below zero", sample="vec3(rnd()) - 0.3"),
 )
-HOSTILE = (*READING, *COMPILING, *RUNNING)
+_MANY = """#define SAMPLES 4
+{random}void mainImage(out vec4 c, in vec2 p) {{ seed_(uvec2(p), uint(iFrame)); vec3 s = vec3(0.0); float one = rnd();
+  for (int i = 0; i < SAMPLES; ++i) s += vec3(0.1, 0.3, 0.2) * ({one} < 0.1 ? 30.0 : 0.5);
+  s /= float(SAMPLES); {then}
+  c = vec4(mix(texelFetch(iChannel0, ivec2(p), 0).rgb, s, 1.0 / float(iFrame + 1)), 1.0); }}
+"""
+MEDIUM = """precision mediump float;
+uniform sampler2D past; uniform float frame; uniform vec2 resolution;
+void main() {
+  float large = 300.0 + fract(sin(dot(gl_FragCoord.xy, vec2(12.9898, 78.233)) + frame) * 43758.5453);
+  float s = large * large / 90000.0;
+  gl_FragColor = vec4(mix(texture2D(past, gl_FragCoord.xy / resolution).rgb, vec3(s), 1.0 / (frame + 1.0)), 1.0); }
+"""
+VARIED = (
+    raw("tone curve on frames", r"shader\.glsl:1: its mean depends on the samples of a frame .* with 16",
+        _MANY.format(random=RANDOM, one="rnd()", then="s = s / (1.0 + s);"), "shader.glsl"),
+    raw("samples of one frame alike", r"shader\.glsl:1: 64 samples a frame have the noise of 1: they share",
+        _MANY.format(random=RANDOM, one="one", then=""), "shader.glsl"),
+    raw("samples that agree", "^1, 4, 16 and 64 samples a frame give one mean",
+        _MANY.format(random=RANDOM, one="rnd()", then=""), "shader.glsl"),
+    raw("numbers beyond 16 bits", "in 16 bits, as on phones, it is another picture", MEDIUM),
+    toy("one number at every bounce", r"shader\.glsl:\d+: with PCG's random numbers in place of its own the picture is "
+        "another", "s = vec3(0.9, 0.8, 0.7) * same_rnd() * same_rnd();\n" + MEAN,
+        before="float same_rnd()\n{ return fract(sin(dot(gl_FragCoord.xy, vec2(12.9898, 78.233)) + float(iFrame)) "
+               "* 43758.5453); }\n"),
+    toy("state in a corner", r"pixel \(0, 0\), counted from the lower left, holds something of its own",
+        f"{MEAN} if (p.x < 1.0 && p.y < 1.0) c = vec4(32.0, 24.0, 0.0, 1.0);"),
+)
+HOSTILE = (*READING, *COMPILING, *RUNNING, *VARIED)

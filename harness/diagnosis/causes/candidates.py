@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -50,36 +52,47 @@ class Candidate:
 
 
 def candidates(scene: SceneFile, *, store: Store | None = None, defects: Sequence[Defect] | None = None,
-               pixels: bool = True, spp: int = SPP, advance: Advance = lambda n: None) -> list[Candidate]:
+               pixels: bool = True, spp: int = SPP, besides: Defect | None = None,
+               advance: Advance = lambda n: None) -> list[Candidate]:
     """The right picture, and those of all defects that change it on this scene, each picture once.
 
     `defects`: the whole catalogue unless given. `pixels`: whether defects that are a matter of single pixels are asked
-    for. `spp`: samples per pixel of each of `BATCHES` batches. `advance` is told of every picture as a part of all.
+    for. `spp`: samples per pixel of each of `BATCHES` batches. `besides`: a defect that all have, the right picture
+    too; those that change the same line are left out. `advance` is told of every picture as a part of all.
 
     A picture that is equal, bit for bit, to the right one of its strategy is of a defect that the scene has no use for,
     and is left out; one that is equal to another joins it. SceneError where our tracer cannot hold the scene.
     """
     reading = load(scene)
     wanted = [(defect, picture) for defect in applicable(scene, load_defects() if defects is None else defects)
-              if pixels or not defect.pixel for picture in defect.pictures]
+              if pixels or not defect.pixel for picture in defect.pictures
+              if besides is None or not {name for name, _ in picture.edits} & _lines(besides)]
+    base = OURS if besides is None else defective(besides.pictures[0])
     strategies = dict.fromkeys([RIGHT.strategy, *(picture.strategy for _, picture in wanted)])
     share = 1.0 / (len(strategies) + len(wanted))
     found: dict[str, Candidate] = {}
     right: dict[str, str] = {}  # first batches of the right pictures, by strategy
     for strategy in strategies:
-        with Drawn(scene, reading, strategy, OURS, store, spp, FIRST_REPLICA) as drawn:
+        with Drawn(scene, reading, strategy, base, store, spp, FIRST_REPLICA) as drawn:
             right[strategy] = _bits(drawn.batch(0))
             if strategy == RIGHT.strategy:
                 found["right"] = Candidate((), strategy, merge(drawn.batches(BATCHES)))
         advance(share)
-    for defect, picture in wanted:
-        with Drawn(scene, reading, picture.strategy, defective(picture), store, spp, FIRST_REPLICA) as drawn:
-            bits = _bits(drawn.batch(0))
-            if bits in found:
-                found[bits] = _joined(found[bits], defect)
-            elif bits != right[picture.strategy]:
-                found[bits] = Candidate((defect,), picture.strategy, merge(drawn.batches(BATCHES)))
+    # Processes that ask for one scene at a time, as in grading, begin with other pictures, and share what they draw.
+    first: dict[int, str] = {}
+    drawn_as: dict[str, Estimate] = {}
+    for index in random.Random(os.getpid()).sample(range(len(wanted)), len(wanted)):
+        _, picture = wanted[index]
+        with Drawn(scene, reading, picture.strategy, defective(picture, base), store, spp, FIRST_REPLICA) as drawn:
+            bits = first[index] = _bits(drawn.batch(0))
+            if bits != right[picture.strategy] and bits not in drawn_as:
+                drawn_as[bits] = merge(drawn.batches(BATCHES))
         advance(share)
+    for index, (defect, picture) in enumerate(wanted):
+        if (bits := first[index]) in found:
+            found[bits] = _joined(found[bits], defect)
+        elif bits in drawn_as:
+            found[bits] = Candidate((defect,), picture.strategy, drawn_as[bits])
     return list(found.values())
 
 
@@ -88,6 +101,10 @@ def applicable(scene: SceneFile, defects: Sequence[Defect]) -> list[Defect]:
     code = OURS.tracer(load(scene), RIGHT.strategy).files
     generated = next(text for name, text in code if name == GENERATED)
     return [defect for defect in defects if defect.applies(generated)]
+
+
+def _lines(defect: Defect) -> set[str]:
+    return {name for picture in defect.pictures for name, _ in picture.edits}
 
 
 def _bits(batch: Batch) -> str:

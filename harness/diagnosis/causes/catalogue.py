@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import HarnessError
+from harness.scene.footprint import Footprint
 from harness.shader.library import OURS, Library
 from harness.shader.strategies import STRATEGIES
 
@@ -44,7 +45,8 @@ class Defect:
     `says` goes on after "ours with"; `family` and `formula` are what a hint may give away: the topic, and how it
     should be. `needs`: texts that must be in a scene's generated code for the defect to show, such as
     "#define HAS_LENS 1". `same_as`: ids of the catalogue of mutants that are this slip in one of our lines. `pixel`:
-    the defect is a matter of single pixels, and cannot be seen in an image that was reduced.
+    the defect is a matter of single pixels, and cannot be seen in an image that was reduced. `footprint`: how it
+    spreads rays about a pixel's centre, where that is all it does; it may then be found besides another defect.
     """
 
     id: str
@@ -56,6 +58,7 @@ class Defect:
     same_as: tuple[str, ...] = ()
     pixel: bool = False
     where: str = ""
+    footprint: Footprint | None = None
 
     def applies(self, scene_code: str) -> bool:
         """Whether a scene's generated code has all that the defect needs."""
@@ -113,7 +116,7 @@ def _load(path: Path) -> list[Defect]:
 
 
 def _defect(entry: Mapping[str, Any], where: str) -> Defect:
-    allowed = (*_TEXTS, "needs", "same_as", "pixel", "strategies", "edit", "picture")
+    allowed = (*_TEXTS, "needs", "same_as", "pixel", "strategies", "edit", "picture", "footprint")
     for key in entry:
         if key not in allowed:
             raise HarnessError(f"{where}: unknown key '{key}' of a defect; allowed: {', '.join(allowed)}")
@@ -127,7 +130,19 @@ def _defect(entry: Mapping[str, Any], where: str) -> Defect:
                            "lines it changes")
     name, says, family, formula = (entry[key] for key in _TEXTS)
     return Defect(name, says, family, formula, tuple(pictures), needs=tuple(entry.get("needs", ())),
-                  same_as=tuple(entry.get("same_as", ())), pixel=bool(entry.get("pixel", False)), where=where)
+                  same_as=tuple(entry.get("same_as", ())), pixel=bool(entry.get("pixel", False)), where=where,
+                  footprint=_footprint(entry, where))
+
+
+def _footprint(entry: Mapping[str, Any], where: str) -> Footprint | None:
+    """HarnessError for a key that a footprint does not have."""
+    if "footprint" not in entry:
+        return None
+    try:
+        return Footprint(**entry["footprint"])
+    except TypeError:
+        raise HarnessError(f"{where}: a 'footprint' has width, right, down and tent; found "
+                           f"{entry['footprint']}") from None
 
 
 def _pictures(part: Mapping[str, Any], where: str) -> Sequence[Picture]:

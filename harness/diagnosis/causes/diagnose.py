@@ -15,10 +15,12 @@ from harness.diagnosis.causes.transforms import TransformFit, fitted, inner_pixe
 from harness.diagnosis.causes.where import Place, places
 from harness.errors import HarnessError, SceneError
 from harness.estimators.base import Estimator
+from harness.estimators.mitsuba import Mitsuba
 from harness.progress import Progress, quiet
 from harness.samples.estimate import Estimate
 from harness.samples.store import Store
 from harness.scene import SceneFile, load
+from harness.scene.footprint import BOX
 
 # Candidates are rendered with at most so many pixels; a larger image is merged by whole factors, as a wider box sees.
 PIXELS = 5000
@@ -34,15 +36,17 @@ AS_GOOD = 1.05
 
 def diagnose(scene: SceneFile, found: Estimate, reference: Estimate, *, store: Store | None = None,
              fine: Estimate | None = None, defects: Sequence[Defect] | None = None, truth: Estimator | None = None,
-             pictures: Sequence[Candidate] | None = None, depths: bool = True, where: bool = True,
+             pictures: Sequence[Candidate] | None = None, besides: Defect | None = None, depths: bool = True,
+             where: bool = True,
              progress: Progress = quiet) -> Diagnosis:
     """Say why `found`, an estimate of the scene by any renderer, is not the `reference`; both at the scene's film size.
 
     `fine`: the reference at twice the width and height, by which half-pixel shifts are found of what our tracer cannot
     hold. `defects`: the whole catalogue unless given; `pictures`: theirs, where they were rendered before. `truth`:
-    what factors of bounces are taken from, Mitsuba unless given. `depths`, `where`: whether factors of bounces, and
-    places, are asked for. What is rendered goes through the `store`, so a scene is paid for once: some two minutes on
-    one core.
+    what factors of bounces are taken from, Mitsuba unless given. `besides`: how the image's rays are spread about their
+    pixels, where that is known already; `reference` is as such rays see it, and our pictures are drawn so. `depths`,
+    `where`: whether factors of bounces, and places, are asked for. What is rendered goes through the `store`, so a
+    scene is paid for once: some two minutes on one core.
 
     HarnessError where the images differ in size, or where `found` has no variance.
     """
@@ -57,9 +61,12 @@ def diagnose(scene: SceneFile, found: Estimate, reference: Estimate, *, store: S
     if as_it_is.same:
         return Diagnosis("right", (), as_it_is.chi2, 0)
     notes: list[str] = []
+    if besides is not None:
+        notes.append(f"it has {besides.says} besides, and so had all pictures that it was held against")
+        truth = truth or Mitsuba(footprint=besides.footprint or BOX)
     transforms = fitted(seen, right, None if fine is None else Seen.of(fine))
     if pictures is None:
-        pictures = _candidates(scene, store, defects, progress, notes)
+        pictures = _candidates(scene, store, defects, besides, progress, notes)
     factor = factor_to(_size(found), PIXELS)
     small, small_right = Seen.of(smaller(found, factor)), Seen.of(smaller(reference, factor))
     read = _factors(scene, factor, small, truth, store, progress, notes) if depths else None
@@ -162,8 +169,8 @@ def _told(classes: Sequence[Sequence[_Ranked]]) -> tuple[Cause, ...]:
     return tuple(causes)
 
 
-def _candidates(scene: SceneFile, store: Store | None, defects: Sequence[Defect] | None, progress: Progress,
-                notes: list[str]) -> list[Candidate]:
+def _candidates(scene: SceneFile, store: Store | None, defects: Sequence[Defect] | None, besides: Defect | None,
+                progress: Progress, notes: list[str]) -> list[Candidate]:
     """Our tracer's pictures; none where it cannot hold the scene, which is then noted."""
     try:
         reading = load(scene)
@@ -173,7 +180,8 @@ def _candidates(scene: SceneFile, store: Store | None, defects: Sequence[Defect]
     factor = factor_to((reading.width, reading.height), PIXELS)
     size = (reading.width // factor, reading.height // factor)
     with progress(1.0, "causes") as advance:
-        return candidates(scene.sized(*size), store=store, defects=defects, pixels=factor == 1, advance=advance)
+        return candidates(scene.sized(*size), store=store, defects=defects, pixels=factor == 1,
+                          besides=besides if factor == 1 else None, advance=advance)
 
 
 def _factors(scene: SceneFile, factor: int, small: Seen, truth: Estimator | None, store: Store | None,

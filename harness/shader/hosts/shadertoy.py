@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from harness.errors import ShaderError
@@ -143,6 +144,27 @@ def _exported(file: Given, answers: Answers) -> list[Tab]:
                for output in _list(one, "outputs") if one.get("type") != "image"}
     return [Tab(name, [*common, Piece(f"{file.name} ({name})", one["code"])],
                 _wiring(file, one, name, writers, names)) for one, name in zip(drawn, names, strict=True)]
+
+
+def exported(text: str) -> list[tuple[str, str, Callable[[str], str]]]:
+    """The texts of an export, each with its pass's name and with what makes the export of another in its place; none of
+    JSON that is no export."""
+    def passes(data: Any) -> list[dict[str, Any]]:
+        data = data[0] if isinstance(data, list) and len(data) == 1 else data
+        data = data.get("Shader", data) if isinstance(data, dict) else data
+        return _list(data, "renderpass") if isinstance(data, dict) else []
+
+    def whole(index: int, code: str) -> str:
+        data = json.loads(text)
+        passes(data)[index]["code"] = code
+        return json.dumps(data)
+
+    try:
+        found = passes(json.loads(text))
+    except (json.JSONDecodeError, RecursionError):
+        return []
+    return [(str(one.get("name", "")) or "Image", one["code"], partial(whole, index))
+            for index, one in enumerate(found) if isinstance(one.get("code"), str)]
 
 
 def _tab_name(one: Mapping[str, Any], index: int) -> str:

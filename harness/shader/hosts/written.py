@@ -14,8 +14,8 @@ _WIDTH = re.compile(_SIDE.format("width"), re.IGNORECASE)
 _HEIGHT = re.compile(_SIDE.format("height"), re.IGNORECASE)
 _DIVIDED = re.compile(rf"\b(?:gl_FragCoord|fragCoord)(?:\.xy)?\s*/\s*(?:{_PAIR}|{_NUMBER})", re.IGNORECASE)
 _SAMPLES = re.compile(
-    r"(?:#[ \t]*define[ \t]+|\bconst\s+u?int\s+)(?:num_?|n_?|max_?)?"
-    r"(?:spp|samples?(?:_?per_?(?:pixel|frame|pass))?|samples?_?(?:count|num)|aa_?samples)"
+    r"(?:#[ \t]*define[ \t]+|\b(?:const|uniform)\s+u?int\s+)(?:num_?|n_?|max_?)?"
+    r"(?:spp|(?:samples?|rays|paths)(?:_?per_?(?:pixel|frame|pass))?|samples?_?(?:count|num)|aa_?samples)"
     r"(?:[ \t]*=[ \t]*|[ \t]+)(\d+)u?\b", re.IGNORECASE)
 _SIDES = range(16, 8193)
 
@@ -40,5 +40,11 @@ def _sizes(text: str) -> Iterator[tuple[int, int]]:
 
 def written_samples(text: str) -> int:
     """The samples of one frame where a constant or macro with such a name says it; 1 where none does."""
-    counts = [int(found[1]) for found in _SAMPLES.finditer(text) if len(found[1]) < 6]
-    return counts[0] if len(counts) == 1 and counts[0] > 0 else 1
+    counts = sample_counts(text)
+    return counts[0][2] if len(counts) == 1 and counts[0][2] > 0 else 1
+
+
+def sample_counts(text: str) -> list[tuple[int, int, int]]:
+    """Where constants, macros and uniforms with such a name say how many samples a frame has: from and to which
+    character, and the number."""
+    return [(*found.span(1), int(found[1])) for found in _SAMPLES.finditer(text) if len(found[1]) < 6]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from harness.diagnosis.causes.catalogue import defective, known_lines, load_defects
@@ -42,6 +43,23 @@ def test_writes_a_defect_into_every_branch() -> None:
     assert len({defective(picture) for picture in cosine.pictures}) == 3
 
 
+def test_footprints_are_what_their_lines_draw() -> None:
+    """The line for our tracer, drawn by numpy, has the mean and the spread that the reference is drawn with."""
+    footprints = [defect for defect in DEFECTS if defect.footprint is not None]
+    assert len(footprints) >= 7
+    u, v = np.random.default_rng(5).random((2, 100_000))
+    for defect in footprints:
+        line = dict(defect.pictures[0].edits)["film"]
+        place = line.partition("camera_ray((")[2].partition(") * pixel_size")[0].replace("vec2(pixel)", "0.0")
+        place = place.replace("vec2(rand(), rand())", "u").replace("vec2(rand() + rand(), rand() + rand())", "(u + v)")
+        drawn = eval(place, {"u": u, "v": v}) + 0.0 * u  # numbers of our own file
+        one = defect.footprint
+        assert one is not None
+        assert drawn.mean() == pytest.approx(0.5 + one.right, abs=0.005), defect.id
+        assert drawn.mean() == pytest.approx(0.5 - one.down, abs=0.005), defect.id  # rows of GL's go up
+        assert drawn.std() == pytest.approx(one.width / np.sqrt(24 if one.tent else 12), abs=0.005), defect.id
+
+
 @pytest.mark.parametrize(("entry", "message"), [
     ("", "3: defect 'one' has neither an 'edit' nor"),
     ('edit = { weight = "x" }\nstrategy = "mixture"', "3: unknown key 'strategy' of a defect"),
@@ -51,6 +69,7 @@ def test_writes_a_defect_into_every_branch() -> None:
     ('edit = { weight = "x" }\nstrategies = ["mis"]', "3: unknown strategy 'mis'"),
     (f'edit = {{ weight = "x" }}\n{ENTRY}edit = {{ weight = "x" }}', "the id 'one' is taken by"),
     (f'edit = {{ weight = "x" }}\n{ENTRY.replace("one", " ")}', "a defect needs 'id', a text that is not empty"),
+    ('edit = { weight = "x" }\nfootprint = { height = 1.0 }', "3: a 'footprint' has width, right, down and tent"),
     ("edit = ", "not TOML"),
 ])
 def test_says_where_a_file_is_malformed(tmp_path: Path, entry: str, message: str) -> None:

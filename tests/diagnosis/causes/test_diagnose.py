@@ -11,6 +11,7 @@ import pytest
 
 from harness.diagnosis.causes import Diagnosis, diagnose, load_defects
 from harness.diagnosis.causes.candidates import candidates
+from harness.diagnosis.causes.catalogue import defective
 from harness.diagnosis.causes.match import Seen
 from harness.diagnosis.causes.where import places
 from harness.errors import HarnessError
@@ -72,6 +73,16 @@ def test_accuses_no_correct_variant(variant: Variant, strategy: str, reference: 
     assert found.outcome == "right"
     assert found.causes == ()
     assert "nothing to explain" in found.sentence
+
+
+def test_names_the_cause_of_a_picture_that_is_half_a_pixel_off_besides(store: Store) -> None:
+    shift = next(one for one in load_defects() if one.id == "half-pixel-up-right")
+    shifted = defective(shift.pictures[0])
+    wrong = defective(next(one for one in DEFECTS if one.id == "half-weight").pictures[0], shifted)
+    found = diagnose(SCENE, drawn(wrong), drawn(shifted, replica=500, spp=512), store=store, defects=DEFECTS,
+                     besides=shift, depths=False, where=False)
+    assert found.causes[0].id == "half-weight" and found.outcome == "cause", found.sentences
+    assert any("half a pixel off" in note and "besides" in note for note in found.notes)
 
 
 def test_says_that_it_knows_no_cause(reference: Estimate, store: Store) -> None:
