@@ -94,7 +94,8 @@ def _graded(name: str, files: tuple[str, ...], checked: Checked, scene: SceneFil
              _picture(checked, own))
     outcome: Outcome = "fail" if judged is None or found.faults else _outcome(judged)
     sentence = _sentence(checked)
-    common = Graded(name, files, outcome, sentence, parts, findings=tuple(_hinted(one) for one in found.found),
+    told = tuple(_hinted(one) for one in found.found if one.severity != "note")
+    common = Graded(name, files, outcome, sentence, parts, findings=told,
                     contract=f"host {found.contract.host}; {found.law_told}")
     if judged is None:
         return common

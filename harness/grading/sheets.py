@@ -89,7 +89,7 @@ def _csv(grades: Sequence[Graded], points: float) -> str:
 
 def _table(grades: Sequence[Graded], scene: str, points: float) -> Document:
     rows = tuple((Cell(each.name), Cell(each.outcome, _MARKS[each.outcome]), Cell(f"{points * each.points:.4g}"),
-                  Cell(_error(each)), Cell(each.formula or each.family or each.place or each.sentence))
+                  Cell(_error(each)), Cell(_said(each)))
                  for each in grades)
     columns = (Column("submission"), Column("verdict"), Column("points", "right"), Column("mean error", "right"),
                Column("what there is to say", share=1.0))
@@ -99,6 +99,11 @@ def _table(grades: Sequence[Graded], scene: str, points: float) -> Document:
         Paragraph(f"{len(grades)} submissions against the scene {scene}: {passed}. Each has a page in the folder of "
                   "its name."), Table("All submissions.", columns, rows, long=True)))
     return Document("Grades", f"scene {scene}", _today(), (chapter,))
+
+
+def _said(graded: Graded) -> str:
+    """The cause as far as it is known; else what is wrong, and where."""
+    return graded.formula or graded.family or "; ".join(text for text in (graded.sentence, graded.place) if text)
 
 
 def _page(graded: Graded, scene: str, points: float) -> Document:

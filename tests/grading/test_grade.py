@@ -88,9 +88,11 @@ def test_one_that_loses_its_past_is_wrong_in_that_part_alone(grades: dict[str, G
 def test_a_line_of_the_authors_is_told_with_the_formula_alone() -> None:
     """Neither the sentence nor the parts quote it."""
     fault = Finding("encodes_samples", "fault", "estimator", "each frame is encoded (`s = sqrt(s)`)", "ada.frag:7")
-    found = Findings(Contract("body", (), "ada"), "a sum", Accumulation("pass", "the mean", 24, exact=True), (fault,))
+    note = Finding("samples_agree", "note", "estimator", "1 and 4 samples a frame give one mean")
+    found = Findings(Contract("body", (), "ada"), "a sum", Accumulation("pass", "the mean", 24, exact=True),
+                     (fault, note))
     graded = _graded("ada", ("ada.frag",), Checked(found), SceneFile.bundled("diffuse"))
-    assert "sqrt" in graded.findings[0][1]
+    assert "sqrt" in graded.findings[0][1] and len(graded.findings) == 1  # what is well is no finding
     for hints in HINTS:
         assert ("sqrt" in repr(told(graded, hints))) == (hints == "formula")
 

@@ -27,6 +27,12 @@ BOB = Graded("bob", ("bob/a.frag", "bob/b.frag"), "pass", "right within 0.2 %", 
 SECRETS = {"place": "worst on the floor", "family": "a weight of the sampled", "formula": "cosine stands there twice"}
 
 
+def test_the_table_tells_what_is_wrong_before_where() -> None:
+    plain = replace(ADA, family="", formula="")
+    text = sheets([plain], scene="spheres", hints="none", points=20)[INDEX_FILE].decode()
+    assert "luminance is 12 % too dark; worst on the floor" in text
+
+
 class TestHints:
     """Nothing leaks beyond what was asked for."""
 
