@@ -1,6 +1,7 @@
 """The two ways into a tracer: its fragment shader over a triangle, and its compute shader over groups of pixels.
 
-Both fill bands of rows of a target texture with the same bits.
+Both fill bands of rows of a target texture with the same bits, but for sums below 1e-36: llvmpipe flushes denormals in
+the threads that draw triangles alone.
 """
 
 from __future__ import annotations

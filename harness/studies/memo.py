@@ -38,4 +38,4 @@ def remembered_study(scene: Scene, profile: Profile, family: int, store: Store |
 
 def glsl_digest() -> str:
     """What the shaders say that come with the harness, comments included."""
-    return folder_digest(data_dir("glsl"), ".glsl", ".frag")
+    return folder_digest(data_dir("glsl"), ".glsl", ".frag", ".comp")
