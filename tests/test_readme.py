@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import harness
-from harness import bench, studies
+from harness import bench, rivals, studies
 from harness import calibration as calibration_module
 from harness.checks import own
 from harness.cli import COMMANDS, main
@@ -109,6 +109,7 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner, "run_mutants", lambda mutants, gates, **options: runner.KillMatrix(
         tuple(mutants), gates.names, tuple(("killed",) * len(gates.names) for _ in mutants)))
     monkeypatch.setattr(bench, "run", lambda **options: [BENCH_ROW])
+    monkeypatch.setattr(rivals, "run", lambda **options: [])
     monkeypatch.setattr(calibration_module, "calibrate", lambda *arguments, **options: calibration())
 
     for file in ("homework.frag", "submissions/ada.frag"):

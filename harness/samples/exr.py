@@ -35,6 +35,7 @@ _SEAL_HEAD = _SEAL.encode() + b"\0string\0" + len(_BLANK).to_bytes(4, "little")
 _COLOURS = ("R", "G", "B")
 _LARGEST = ("largest.R", "largest.G", "largest.B")
 _VARIANCES = ("variance.R", "variance.G", "variance.B", "variance.Y")
+_THIRDS = ("third.R", "third.G", "third.B")
 _INT32 = 2**31
 # Attributes of the format itself (OpenEXR file layout, "Predefined attributes"); the rest of a header is metadata.
 _STRUCTURE = frozenset((
@@ -47,7 +48,8 @@ _silence = threading.Lock()
 def write_estimate(path: str | Path, estimate: Estimate, metadata: Mapping[str, Any] | None = None) -> None:
     """Write an estimate: R, G, B in linear Rec.709 float32, and the variance of the mean as layer `variance`.
 
-    The layer (R, G, B, and Y for luminance) is left out where the variance is unknown. `metadata` becomes header
+    The layer (R, G, B, and Y for luminance) is left out where the variance is unknown, and so is `third`, the third
+    central moment of the mean (R, G, B). `metadata` becomes header
     attributes: strings; integers, as decimal text beyond 32 bits; floats, to 7 digits as the format has them; anything
     else as text. Pixels that are not finite are kept as they are. StoreError when the file cannot be written.
     """
@@ -55,6 +57,8 @@ def write_estimate(path: str | Path, estimate: Estimate, metadata: Mapping[str, 
     if not np.isnan(estimate.variance).all():
         layers = (*np.moveaxis(estimate.variance, -1, 0), estimate.luminance_variance)
         channels |= dict(zip(_VARIANCES, layers, strict=True))
+    if estimate.third is not None:
+        channels |= dict(zip(_THIRDS, np.moveaxis(estimate.third, -1, 0), strict=True))
     facts = {"samples": estimate.samples, "batches": estimate.batches, "rejected": estimate.rejected,
              "cost": asdict(estimate.cost), "image_mean": estimate.image_mean.tolist(),
              "image_variance": estimate.image_variance.tolist()}
@@ -111,7 +115,8 @@ def _estimate(path: Path, channels: Mapping[str, np.ndarray], metadata: dict[str
         variance = np.full((*mean.shape[:2], 4), np.nan)
     return Estimate(mean, variance[..., :3], variance[..., 3], np.array(facts["image_mean"], dtype=np.float64),
                     np.array(facts["image_variance"], dtype=np.float64), samples=facts["samples"],
-                    batches=facts["batches"], rejected=facts["rejected"], cost=facts["cost"]), metadata
+                    batches=facts["batches"], rejected=facts["rejected"], cost=facts["cost"],
+                    third=_stack(path, channels, _THIRDS) if _THIRDS[0] in channels else None), metadata
 
 
 def write_batch(path: str | Path, batch: Batch, metadata: Mapping[str, Any] | None = None, *,

@@ -12,7 +12,7 @@ from harness import bench, files, studies
 from harness.errors import SceneError
 from harness.policy import fail_level
 from harness.report import Inputs
-from harness.results import StudyResult
+from harness.results import Benchmark, StudyResult
 from harness.studies.study import study as honest_study
 from tests.cli.conftest import SKY, Harness
 
@@ -41,7 +41,7 @@ def unset(monkeypatch: pytest.MonkeyPatch) -> list[Inputs]:
 def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
     harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bench.save([ROW], Path("out/bench.json"))
+    bench.save(Benchmark((ROW,)), Path("out/bench.json"))
     first = harness("report", sky, "-o", "out")
 
     def refuse(*arguments: object, **options: object) -> None:

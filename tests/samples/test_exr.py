@@ -147,7 +147,8 @@ class TestHeader:
         with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
             header = dict(file.header())
             channels = file.channels()
-            assert set(channels) == {"R", "G", "B", "variance.R", "variance.G", "variance.B", "variance.Y"}
+            assert set(channels) == {"R", "G", "B", "variance.R", "variance.G", "variance.B", "variance.Y",
+                                     "third.R", "third.G", "third.B"}
             assert all(channel.pixels.dtype == np.float32 for channel in channels.values())
             np.testing.assert_array_equal(channels["B"].pixels, estimate.mean[..., 2].astype(np.float32))
         for window in ("dataWindow", "displayWindow"):
