@@ -87,7 +87,10 @@ def find_turn(found: np.ndarray, truth: np.ndarray) -> str:
 
 
 def _alike(one: np.ndarray, other: np.ndarray) -> float:
-    """The correlation of ranks: a wrong estimator leaves most of the order of bright and dark."""
+    """The correlation of ranks: a wrong estimator leaves most of the order of bright and dark. 0 for a picture that is
+    the same everywhere, which has no order."""
+    if not (np.ptp(one) and np.ptp(other)):
+        return 0.0
     return float(np.corrcoef(one.ravel(), other.ravel())[0, 1])
 
 

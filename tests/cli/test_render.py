@@ -67,7 +67,7 @@ class TestExr:
     def test_has_the_colours_as_its_image_and_the_variance_as_a_layer(self, harness: Harness) -> None:
         harness("render", SPHERES, *SMALL, "-o", "x.exr")
         with OpenEXR.File("x.exr") as file:
-            assert list(file.channels()) == ["RGB", "variance", "variance.Y"]
+            assert list(file.channels()) == ["RGB", "third", "variance", "variance.Y"]
             pixels = file.channels()["RGB"].pixels
         estimate, _ = read_estimate("x.exr")
         np.testing.assert_array_equal(pixels, estimate.mean)

@@ -70,3 +70,8 @@ def test_no_turn_is_told_of_what_is_the_right_way_up_or_symmetrical() -> None:
     both = truth + truth[:, ::-1]
     assert find_turn(both[:, ::-1] * 0.8, both) == ""
     assert find_turn(RNG.random(truth.shape), truth) == ""
+
+
+def test_a_picture_that_is_the_same_everywhere_is_turned_by_nothing() -> None:
+    """A black one, say, which has no order of bright and dark to compare."""
+    assert find_turn(np.zeros((SIZE, SIZE, 3)), seen(BOX)) == ""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from harness.errors import HarnessError
-from harness.gpu.context import _line_offset, context
+from harness.gpu.context import context, line_offset
 from harness.shader.contract import Contract, ShaderPass
 from harness.shader.hosts import read
 from harness.shader.hosts.reading import Answer
@@ -86,4 +86,4 @@ def _program(one: ShaderPass) -> Any:
     try:
         return gl.program(vertex_shader=one.vertex, fragment_shader=one.source.text)
     except Exception as error:  # moderngl's own, which only gpu imports
-        raise one.source.explain(str(error), _line_offset(gl)) from None
+        raise one.source.explain(str(error), line_offset(gl)) from None
