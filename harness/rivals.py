@@ -16,6 +16,7 @@ import numpy as np
 from harness.estimators.base import Renderer
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
+from harness.policy import CONFIDENCE
 from harness.progress import Progress, quiet
 from harness.results import SamplerRow
 from harness.scene import SceneFile
@@ -26,7 +27,6 @@ from harness.stats.efficiency import Factor
 INTEGRATOR = "path"
 # Samples per pixel of a replica: a square, so that none of the samplers but `orthogonal` rounds it up.
 SPP = 64
-CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
