@@ -9,12 +9,12 @@
 vec3 sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
 {
     vec3 mirror = 2.0 * dot(n, v) * n - v;
-    l = sample_lobe(mirror, m.alpha, vec2(rand(), rand()));
+    l = sample_lobe(mirror, m.alpha, rand2());
 #if BELOW == 1
     l -= 2.0 * min(dot(n, l), 0.0) * n;
 #elif BELOW == 2
     for (int draw = 1; draw < 100 && dot(n, l) <= 0.0; ++draw)
-        l = sample_lobe(mirror, m.alpha, vec2(rand(), rand()));
+        l = sample_lobe(mirror, m.alpha, rand2());
 #elif BELOW == 3
     l = normalize(l - min(dot(n, l), 0.0) * n);
 #endif

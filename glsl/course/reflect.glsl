@@ -7,7 +7,7 @@
 // uniformly over the hemisphere, pdf 1/(2π).
 vec3 sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
 {
-    l = sample_uniform(n, vec2(rand(), rand()));
+    l = sample_uniform(n, rand2());
     float cosine = max(reflect(l,n),0.0);
     vec3 f = m.kd / PI + m.ks * (m.alpha + 1.0) / (2.0 * PI) * pow(cosine, m.alpha);
     return f * max(dot(n, l), 0.0) / INV_TWO_PI;

@@ -52,9 +52,9 @@ void start_path(uvec2 stream, uint first, int number, uvec2 pixel, vec2 pixel_si
 {
     seed_sample(stream, first + uint(number));
 #if HAS_LENS
-    lens_ray((vec2(pixel) + vec2(rand(), rand())) * pixel_size, vec2(rand(), rand()), o, d, reach);
+    lens_ray((vec2(pixel) + rand2()) * pixel_size, rand2(), o, d, reach);
 #else
-    camera_ray((vec2(pixel) + vec2(rand(), rand())) * pixel_size, o, d, reach);
+    camera_ray((vec2(pixel) + rand2()) * pixel_size, o, d, reach);
 #endif
 }
 

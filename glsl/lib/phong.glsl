@@ -61,12 +61,12 @@ vec3 sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
 {
     vec3 mirror = 2.0 * dot(n, v) * n - v;
 #if STRATEGY == STRATEGY_UNIFORM
-    l = sample_uniform(n, vec2(rand(), rand()));
+    l = sample_uniform(n, rand2());
     float cos_l = dot(n, l);
     return eval_phong(m, dot(mirror, l)) * (max(cos_l, 0.0) / INV_TWO_PI);
 
 #elif STRATEGY == STRATEGY_COSINE || (!HAS_GLOSSY && STRATEGY != STRATEGY_PHONG)
-    l = sample_cosine(n, vec2(rand(), rand()));
+    l = sample_cosine(n, rand2());
 #if HAS_GLOSSY
     return eval_phong(m, dot(mirror, l)) * PI;  // the cosine cancels against its pdf
 #else
@@ -74,7 +74,7 @@ vec3 sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
 #endif
 
 #elif STRATEGY == STRATEGY_PHONG
-    l = sample_lobe(mirror, m.alpha, vec2(rand(), rand()));
+    l = sample_lobe(mirror, m.alpha, rand2());
     float cos_l = dot(n, l);
     float cos_to_mirror = dot(mirror, l);
     float pdf = pdf_lobe(cos_to_mirror, m.alpha);
@@ -83,7 +83,7 @@ vec3 sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
 #else
     // One draw for both terms: the cosine hemisphere is the lobe with exponent 1 about n (see sample_lobe).
     bool glossy = rand() < m.p_glossy;
-    l = sample_lobe(glossy ? mirror : n, glossy ? m.alpha : 1.0, vec2(rand(), rand()));
+    l = sample_lobe(glossy ? mirror : n, glossy ? m.alpha : 1.0, rand2());
     float cos_l = dot(n, l);
     if (cos_l <= 0.0)
         return vec3(0.0);

@@ -39,4 +39,11 @@ float rand()
     return float(((word >> 22u) ^ word) >> 8u) * (1.0 / 16777216.0);
 }
 
+// A point of the unit square: the next two numbers. What two numbers pick together is asked for together.
+vec2 rand2()
+{
+    float first = rand();
+    return vec2(first, rand());
+}
+
 #endif

@@ -110,7 +110,7 @@ class TestVerdicts:
 
     def test_numbers_in_another_order_are_told_as_such(self, tmp_path: Path) -> None:
         """Right in the mean, but no path is followed."""
-        swapped = wrong("l = sample_cosine(n, vec2(rand(), rand()));", "l = sample_cosine(n, vec2(rand(), rand()).yx);")
+        swapped = wrong("l = sample_cosine(n, rand2());", "l = sample_cosine(n, rand2().yx);")
         result = run_gate(gate(tmp_path, test=swapped), ladder=False)
         assert result.outcome == "fail"
         assert "paths do not follow, as where the shader draws numbers of its own, or in another order" in result.reason

@@ -23,6 +23,12 @@ float tap_rand()
     return found;
 }
 
+vec2 tap_rand2()
+{
+    float first = tap_rand();
+    return vec2(first, tap_rand());
+}
+
 uvec2 tap_pixel_stream(uvec2 pixel, uint replica)
 {
     uvec2 stream = pixel_stream(pixel, replica);
@@ -48,5 +54,6 @@ void tap_seed_sample(uvec2 stream, uint index)
 }
 
 #define rand tap_rand
+#define rand2 tap_rand2
 #define pixel_stream tap_pixel_stream
 #define seed_sample tap_seed_sample

@@ -51,7 +51,7 @@ def test_footprints_are_what_their_lines_draw() -> None:
     for defect in footprints:
         line = dict(defect.pictures[0].edits)["film"]
         place = line.partition("camera_ray((")[2].partition(") * pixel_size")[0].replace("vec2(pixel)", "0.0")
-        place = place.replace("vec2(rand(), rand())", "u").replace("vec2(rand() + rand(), rand() + rand())", "(u + v)")
+        place = place.replace("rand2()", "u").replace("vec2(rand() + rand(), rand() + rand())", "(u + v)")
         drawn = eval(place, {"u": u, "v": v}) + 0.0 * u  # numbers of our own file
         one = defect.footprint
         assert one is not None
