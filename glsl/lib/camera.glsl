@@ -6,7 +6,7 @@
 #ifndef LIB_CAMERA
 #define LIB_CAMERA
 
-#include "lib/trigonometry.glsl"
+#include "lib/sampling.glsl"
 
 // The ray through `film` in [0,1]², (0,0) at the bottom left, from the near plane; `reach` is its length to the
 // far plane.
@@ -21,18 +21,6 @@ void camera_ray(vec2 film, out vec3 o, out vec3 d, out float reach)
 }
 
 #if HAS_LENS
-// Uniform on the unit disk, concentric squares to circles: Shirley & Chiu 1997, "A Low Distortion Map Between Disk and
-// Square", JGT 2(3), in the form that Mitsuba has it in, so that equal numbers give equal points.
-vec2 sample_disk(vec2 u)
-{
-    vec2 square = 2.0 * u - 1.0;
-    bool steep = abs(square.x) < abs(square.y);
-    vec2 folded = steep ? square.yx : square;
-    float phi = folded.x != 0.0 ? 0.785398163397448 * folded.y / folded.x : 0.0;  // at most π/4 either way
-    vec2 p = folded.x * cos_sin(phi);
-    return steep ? p.yx : p;
-}
-
 // The ray that leaves a point of the lens, which `u` in [0,1)² picks, and meets the pinhole's ray through `film` in the
 // plane of focus; from the near plane to the far plane, as above.
 void lens_ray(vec2 film, vec2 u, out vec3 o, out vec3 d, out float reach)

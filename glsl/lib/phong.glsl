@@ -98,4 +98,21 @@ vec3 sample_phong(Material m, vec3 n, vec3 v, out vec3 l)
 #endif
 }
 
+// The density, per steradian, with which sample_phong draws l; what lies below the surface counts with it.
+float pdf_phong(Material m, vec3 n, vec3 v, vec3 l)
+{
+#if STRATEGY == STRATEGY_UNIFORM
+    return pdf_uniform(dot(n, l));
+#elif STRATEGY == STRATEGY_COSINE || (!HAS_GLOSSY && STRATEGY != STRATEGY_PHONG)
+    return pdf_cosine(dot(n, l));
+#else
+    float lobe = pdf_lobe(dot(2.0 * dot(n, v) * n - v, l), m.alpha);
+#if STRATEGY == STRATEGY_PHONG
+    return lobe;
+#else
+    return (1.0 - m.p_glossy) * pdf_cosine(dot(n, l)) + m.p_glossy * lobe;
+#endif
+#endif
+}
+
 #endif

@@ -3,6 +3,8 @@
 #ifndef LIB_SAMPLING
 #define LIB_SAMPLING
 
+#include "lib/trigonometry.glsl"
+
 const float PI = 3.14159265358979;
 const float INV_PI = 0.318309886183791;
 const float INV_TWO_PI = 0.159154943091895;
@@ -60,6 +62,18 @@ float pdf_lobe(float cos_to_axis, float alpha)
 {
     // Selected on the cosine first: pow(0, 0) is undefined in GLSL, and pow of a negative base is NaN.
     return cos_to_axis > 0.0 ? (alpha + 1.0) * INV_TWO_PI * pow(cos_to_axis, alpha) : 0.0;
+}
+
+// Uniform on the unit disk, concentric squares to circles: Shirley & Chiu 1997, "A Low Distortion Map Between Disk and
+// Square", JGT 2(3), in the form that Mitsuba has it in, so that equal numbers give equal points.
+vec2 sample_disk(vec2 u)
+{
+    vec2 square = 2.0 * u - 1.0;
+    bool steep = abs(square.x) < abs(square.y);
+    vec2 folded = steep ? square.yx : square;
+    float phi = folded.x != 0.0 ? 0.785398163397448 * folded.y / folded.x : 0.0;  // at most π/4 either way
+    vec2 p = folded.x * cos_sin(phi);
+    return steep ? p.yx : p;
 }
 
 #endif

@@ -13,7 +13,7 @@ from harness.checks.finding import Finding
 from harness.checks.integral import quadrature
 from harness.checks.shader import Probe, Vertex
 from harness.checks.weight import weight
-from harness.shader.strategies import STRATEGIES
+from harness.shader.strategies import DRAWS
 
 VALUES = 4096  # directions at which the BRDF is held against its formula, each of them over a whole hemisphere
 DRAWS = 1 << 16
@@ -34,7 +34,7 @@ def findings(probe: Probe) -> Iterator[Finding]:
     """The formula first, then what each strategy gathers of four skies."""
     for alpha in ALPHAS:
         yield values(probe, alpha)
-    for strategy in STRATEGIES:
+    for strategy in DRAWS:
         for vertex in VERTICES:
             if strategy == "phong" and max(vertex.kd) > 0:
                 continue  # lobe-only sampling never draws most directions of a diffuse term

@@ -17,7 +17,7 @@ from harness.checks.domains import Axis, Lobe
 from harness.checks.integral import quadrature
 from harness.gpu.probes import evaluate
 from harness.shader.library import Library
-from harness.shader.strategies import STRATEGIES
+from harness.shader.strategies import DRAWS
 
 # As probes/sampling.frag numbers them, and the order of pdfs in probes/pdf.frag.
 SAMPLERS = ("uniform", "cosine", "lobe")
@@ -85,9 +85,9 @@ class Vertex:
 
     def draw(self, probe: Probe, strategy: str, count: int, replica: int = 1, *,
              by_sample: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """Directions and weights, (count, 3) both, that the estimator goes on with by one of STRATEGIES: of as many
+        """Directions and weights, (count, 3) both, that the estimator goes on with by one of DRAWS: of as many
         pixels, or `by_sample` of as many samples of one, whose mean is right also where pixels share a sequence."""
-        defines = {"STRATEGY": STRATEGIES.index(strategy), "HAS_DIFFUSE": int(max(self.kd) > 0),
+        defines = {"STRATEGY": DRAWS.index(strategy), "HAS_DIFFUSE": int(max(self.kd) > 0),
                    "HAS_GLOSSY": int(max(self.ks) > 0), "ROWS_ARE_SAMPLES": int(by_sample)}
         viewer = _rows(count, (*self.viewer, 0.0))
         found = probe("phong.frag", _rows(count, (0.0, 0.0, 1.0, 0.0)), viewer, viewer, outputs=3, defines=defines,

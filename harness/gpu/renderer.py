@@ -21,7 +21,7 @@ from harness.shader.hosts.native import NATIVE
 from harness.shader.library import OURS
 from harness.shader.scene.displaced import march_steps
 from harness.shader.source import ShaderSource
-from harness.shader.strategies import check_strategy
+from harness.shader.strategies import check_strategy, parse_strategy
 
 
 class TracerRenderer:
@@ -41,7 +41,8 @@ class TracerRenderer:
         self.strategy = check_strategy(scene, strategy)
         self.source = source or OURS.tracer(scene, strategy)
         self._samplers = Samplers(scene)
-        iterations = scene.max_depth * (1 + march_steps(scene.shapes))  # of one sample, at most
+        marches = 2 if parse_strategy(strategy).samples_lights else 1  # a vertex's to a light is one of its own
+        iterations = scene.max_depth * (1 + march_steps(scene.shapes)) * marches  # of one sample, at most
         try:
             self._pingpong = PingPong(device().fitted(self.source), (scene.width, scene.height), NATIVE,
                                       self._samplers.bind, iterations)

@@ -21,7 +21,7 @@ from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminanc
 from harness.samples.spent import spent
 from harness.samples.store import Store
 from harness.scene import Film, Scene, SceneFile, describe, file_of, load, present
-from harness.shader.strategies import Strategy, suitable_strategies
+from harness.shader.strategies import Suited, suitable_strategies
 from harness.stats.bias import error_scale
 from harness.stats.convergence import fit_slope
 from harness.stats.findings import judge_tiles
@@ -168,7 +168,7 @@ class _Reference:
 class _Replicas:
     """One strategy's replicas so far: their curves, the merged estimate, the cost."""
 
-    def __init__(self, strategy: Strategy, scene: Film, renderer: Renderer, reference: _Reference, spp: int) -> None:
+    def __init__(self, strategy: Suited, scene: Film, renderer: Renderer, reference: _Reference, spp: int) -> None:
         self.strategy, self.scene, self.renderer, self.reference, self.spp = strategy, scene, renderer, reference, spp
         self.prefixes = prefix_sizes(spp)
         self.curves: list[list[dict[str, float]]] = []  # per replica, per prefix: metrics by name
@@ -247,7 +247,7 @@ def _ignore(samples: float) -> None:
 def _study_estimator(file: SceneFile, film: Film, estimator: Estimator, reference: _Reference, plan: Plan,
                      drawing: _Drawing) -> StrategyResult:
     warning = estimator.check(file)
-    strategy = Strategy(estimator.name, not warning, warning)
+    strategy = Suited(estimator.name, not warning, warning)
     with estimator.open(file) as renderer:
         run = _Replicas(strategy, film, renderer, reference, plan.spp)
         drawing.grow(run, estimator, file, plan.replicas, f"{file.name} {estimator.name}")

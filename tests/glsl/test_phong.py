@@ -11,7 +11,7 @@ from harness.checks import shared_level, weight
 from harness.checks.shader import lobe_albedo
 from harness.scene import Material
 from harness.shader.scene.materials import glossy_probability
-from harness.shader.strategies import STRATEGIES
+from harness.shader.strategies import DRAWS
 from tests.support.tracer import evaluate
 
 DIFFUSE = Material((0.8, 0.5, 0.2), (0, 0, 0), 1.0)
@@ -23,7 +23,7 @@ MATERIALS = {
     "mostly diffuse": Material((0.6, 0.55, 0.1), (0.02, 0.02, 0.02), 200.0),
 }
 # Lobe-only sampling never draws most directions of a diffuse term: only where there is none.
-CASES = [(strategy, name) for strategy in STRATEGIES for name, material in MATERIALS.items()
+CASES = [(strategy, name) for strategy in DRAWS for name, material in MATERIALS.items()
          if strategy != "phong" or max(material.kd) == 0]
 ANGLES = (0.0, 40.0, 70.0, 88.0)  # of v to the normal, in degrees
 SAMPLES = 1 << 16
@@ -40,7 +40,7 @@ def probe(material: Material, n: np.ndarray, v: np.ndarray, l: np.ndarray, strat
 
     `specialised` leaves out the code of a term that the material lacks, as the generated scene does.
     """
-    defines = {"STRATEGY": STRATEGIES.index(strategy)}
+    defines = {"STRATEGY": DRAWS.index(strategy)}
     if specialised:
         defines |= {"HAS_DIFFUSE": int(max(material.kd) > 0), "HAS_GLOSSY": int(max(material.ks) > 0)}
     uniforms = {"kd": material.kd, "ks": material.ks, "alpha": material.alpha,

@@ -17,7 +17,7 @@ from harness.checks.shader import Probe, Vertex, sampler
 from harness.course.variants import LOBE_PDF
 from harness.reference.plugins import register_plugins
 from harness.scene import Scene
-from harness.shader.strategies import STRATEGIES
+from harness.shader.strategies import DRAWS
 from tests.support.tracer import TracerRenderer, evaluate
 
 FAMILY = 1e-3
@@ -25,7 +25,7 @@ SAMPLER_CASES = [("uniform", 0.0), ("cosine", 1.0), *(("lobe", alpha) for alpha 
 AXES: dict[str, Axis] = {name: (float(x), float(y), float(z)) for name, (x, y, z) in (
     ("111", np.float32(np.ones(3) / np.sqrt(3))),
     ("tilted", np.float32(np.array([-0.4, 0.5, -0.2]) / np.linalg.norm([-0.4, 0.5, -0.2]))))}
-STRATEGY_CASES = [(strategy, alpha, angle) for strategy in STRATEGIES for alpha in (10.0, 1000.0)
+STRATEGY_CASES = [(strategy, alpha, angle) for strategy in DRAWS for alpha in (10.0, 1000.0)
                   for angle in (30.0, 85.0)]
 TESTS = len(SAMPLER_CASES) * len(AXES) + len(STRATEGY_CASES)
 GLOSSY = 0.6  # probability of the lobe where a strategy chooses

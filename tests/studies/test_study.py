@@ -19,7 +19,7 @@ from harness.samples.estimate import Batch, Estimate
 from harness.samples.store import Store, schedule
 from harness.scene import Film, Scene
 from harness.scene.model import Displacement, Procedural
-from harness.shader.strategies import Strategy
+from harness.shader.strategies import Suited
 from harness.stats.verdicts import Tolerance
 from harness.studies.plan import exhibited_strategies, judged, prefix_sizes, replicas_needed
 from harness.studies.study import _Reference, _Replicas
@@ -90,7 +90,7 @@ def test_no_run_is_ever_held_whole() -> None:
             return batch
 
     estimate = Estimate.exact(np.full((12, 16, 3), 0.5))
-    run = _Replicas(Strategy("mixture", suits=True), Film(16, 12), Watched(size=(12, 16)),
+    run = _Replicas(Suited("mixture", suits=True), Film(16, 12), Watched(size=(12, 16)),
                     _Reference(estimate, tiles_of(estimate, 2)), 4096)
     run.add_replica(None, lambda n: None)
     assert run.total.samples == 4096

@@ -17,6 +17,7 @@ from harness.scene.motion import settled
 from harness.shader.scene.displaced import displaced, march_declarations
 from harness.shader.scene.environment import environment_function
 from harness.shader.scene.geometry import intersect_function, normal_function, projection_function
+from harness.shader.scene.lights import light_functions, light_switches
 from harness.shader.scene.literals import in_comment, number, vector
 from harness.shader.scene.materials import (
     black_function,
@@ -28,6 +29,7 @@ from harness.shader.scene.materials import (
 from harness.shader.scene.motion import Motions
 from harness.shader.scene.textures import declarations, uv_users
 from harness.shader.scene.uv import uv_function
+from harness.shader.strategies import parse_strategy
 
 # Rounding leaves a hit off its shape by two or three float32 spacings (2^-24) of the length t of its ray. Where no ray
 # is longer than this, that is at most a quarter of what rays are lifted off surfaces by, and to project hits onto their
@@ -48,7 +50,9 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
            "HAS_MOTION": int(bool(motions.shapes)), "HAS_DISPLACED": int(bool(displaced(shapes))),
            "HAS_PROJECTION": int(spread(scene) > LONGEST_UNPROJECTED),
            "HAS_ENVIRONMENT_MAP": int(isinstance(scene.environment, EnvironmentMap))}
-    defines = {"STRATEGY": f"STRATEGY_{strategy.upper()}", "MAX_DEPTH": scene.max_depth, **has}
+    how = parse_strategy(strategy)
+    defines = {"STRATEGY": f"STRATEGY_{how.draw.upper()}", "MAX_DEPTH": scene.max_depth, **has,
+               **light_switches(scene, how)}
     parts = [
         f"// Generated from the scene '{in_comment(scene.name)}' for the strategy '{strategy}'.",
         *(f"#define {name} {value}" for name, value in defines.items()),
@@ -71,6 +75,7 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
     if has["HAS_TWO_SIDED"]:
         parts += two_sided_function(shapes)
     parts += environment_function(scene.environment)
+    parts += light_functions(scene, how, motions)
     return "\n".join(parts).rstrip() + "\n"
 
 
