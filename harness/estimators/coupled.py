@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from harness.reference.coupled import CoupledRenderer
 from harness.scene import SceneFile, load
-from harness.shader.strategies import check_strategy
+from harness.shader.strategies import check_strategy, parse_strategy
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,8 @@ class Coupled:
     def open(self, scene: SceneFile) -> Iterator[CoupledRenderer]:
         """HarnessError for an unknown strategy, SceneError for a scene outside our tracer's subset."""
         check_strategy(load(scene), self.strategy)
-        renderer = CoupledRenderer(scene, self.strategy)
+        how = parse_strategy(self.strategy)
+        renderer = CoupledRenderer(scene, how.name, how.draw, how.lights, how.heuristic)
         try:
             yield renderer
         finally:

@@ -28,14 +28,17 @@ import numpy as np
 
 from harness.machine.mitsuba_runtime import use_reference_variant
 from harness.reference.draws import Draw, pixel_stream, rand, seed_sample
+from harness.reference.light_draws import LightDraws
 from harness.reference.motion import moving_id
 from harness.reference.prepare import prepare
+from harness.reference.shape_index import shape_table
 from harness.samples.cost import Watch, cpu
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest
 from harness.samples.spent import spent
 from harness.samples.traits import Traits
 from harness.scene import Scene, SceneFile, load
+from harness.scene.lights import lights_sampled
 from harness.scene.model import is_black
 from harness.scene.motion import Screw, moving, screw
 
@@ -96,21 +99,24 @@ class CoupledRenderer:
 
     traits = Traits(repeats=False)  # as ReferenceRenderer's: the library's sums may come in any order
 
-    def __init__(self, scene: SceneFile, strategy: str) -> None:
-        """Instantiate the scene. SceneError for a scene outside our tracer's
-        subset: it has no paths to follow there."""
+    def __init__(self, scene: SceneFile, strategy: str, draw: str, lights: str, heuristic: str) -> None:
+        """Instantiate the scene. `strategy`: the name; what it means in `draw`, `lights` and `heuristic`, as
+        `harness.shader.strategies.Strategy` has them. SceneError for a scene outside our tracer's subset: it has no
+        paths to follow there."""
         self.scene = scene
-        self.strategy = strategy
+        self.strategy, self.lights, self.heuristic = strategy, lights, heuristic
         self._scene_hash = load(scene).content_hash  # SceneError here, where Mitsuba alone would go on
         prepared = prepare(scene)
         assert prepared.reading is not None, "the scene could be read"
         self.reading: Scene = prepared.reading  # in the frame in which both renderers see it
-        self.draw = Draw(strategy, any(not is_black(shape.material.ks) for shape in self.reading.shapes))
+        self.draw = Draw(draw, any(not is_black(shape.material.ks) for shape in self.reading.shapes))
         self.mi = use_reference_variant()
         whole = prepared.scene
         self.sensor = whole.sensors()[0]
         self.shapes = whole.shapes()
         self._still, self._movers = self._parted(whole) if moving(self.reading) else (whole, [])
+        self._lights = LightDraws(self.mi, self.reading, lights_sampled(self.reading, lights))
+        self._table = self.mi.Int32(shape_table(self.mi, self.shapes, self.reading))
 
     def _parted(self, whole: Any) -> tuple[Any, list[_Mover]]:
         """The scene taken apart: what rests, and each shape that moves in a scene of its own."""
@@ -125,7 +131,7 @@ class CoupledRenderer:
         if (environment := whole.environment()) is not None:
             resting.append(environment)
         motions = {index: self.reading.shapes[index].motion for index in movers}
-        return _scene(self.mi, resting), [_Mover(screw(motion), _scene(self.mi, [movers[index]]))
+        return _scene(self.mi, resting), [_Mover(index, screw(motion), _scene(self.mi, [movers[index]]))
                                           for index, motion in motions.items() if motion]
 
     @property
@@ -143,7 +149,7 @@ class CoupledRenderer:
 
     def release(self) -> None:
         """Let go of Mitsuba's scenes: see `ReferenceRenderer.release`."""
-        del self._still, self._movers, self.shapes, self.sensor
+        del self._still, self._movers, self._lights, self._table, self.shapes, self.sensor
 
     @spent("Mitsuba, coupled")
     def render_batch(self, replica: int, start: int, count: int,
@@ -292,30 +298,112 @@ class CoupledRenderer:
             ray.d = direction
         return ray
 
+    def direction_pdf(self, met: Met, direction: Any, alpha: Any, active: Any) -> Any:
+        """The density per steradian with which the strategy draws a direction: of `mixture` the BSDF's own."""
+        mi = self.mi
+        import drjit as dr
+
+        wo = met.si.to_local(_turned_back(direction, met.turn))
+        if self.draw.strategy == "uniform":
+            return mi.Float(0.5 * float(dr.inv_pi))
+        if self.draw.by_cosine:
+            return dr.abs(mi.Frame3f.cos_theta(wo)) * dr.inv_pi
+        if self.draw.strategy == "phong":
+            return _lobe_pdf(mi.reflect(met.si.wi), wo, alpha)
+        return met.si.bsdf().pdf(mi.BSDFContext(), met.si, wo, active)
+
+    def lit(self, met: Met, ray: Any, moment: Any, state: Any, active: Any) -> tuple[Any, Any]:
+        """What one light sends to each surface met, reflected: radiance, and the state after the draws."""
+        mi = self.mi
+        import drjit as dr
+
+        o = self.leave(met, met.normal).o
+        aimed = self._lights.aim(o, met.normal, state, *self._carriers(moment))
+        to_light = mi.Ray3f(o, aimed.direction)
+        found = self.meet(to_light, moment, active)
+        met_shape, facing = self._shape(found), _facing(found, aimed.direction)
+        pdf = aimed.chance * dr.select(
+            aimed.shape < 0, self._lights.sky_density(aimed.direction, met.normal),
+            self._lights.density(aimed.shape, o, found.si.t, facing, self._carriers(moment)[0]))
+        seen = active & (met_shape == aimed.shape) & ((facing > 0) | (aimed.shape < 0)) & (
+            dr.dot(met.normal, aimed.direction) > 0)
+        bsdf, wo = met.si.bsdf(), met.si.to_local(_turned_back(aimed.direction, met.turn))
+        value = bsdf.eval(mi.BSDFContext(), met.si, wo, active)
+        if self.lights == "mis":
+            value *= _weight(pdf, self.direction_pdf(met, aimed.direction, self._exponent(met, active), active),
+                             self.heuristic)
+        return dr.select(seen, _ratio(value * found.emitted, pdf), 0), aimed.state
+
+    def _of_met(self, met: Met, ray: Any, moment: Any, depth: Any, direction_pdf: Any) -> Any:
+        """What counts of the emission that a path has met by itself, at the vertex number `depth` from 0."""
+        import drjit as dr
+
+        if not self._lights.lights:
+            return self.mi.Float(1)
+        if self.lights == "nee":
+            return dr.select(depth == 0, 1.0, 0.0)
+        shape = self._shape(met)
+        pdf = self._lights.chance(shape) * dr.select(
+            shape < 0, self._lights.sky_density(ray.d, ray.d),
+            self._lights.density(shape, ray.o, met.si.t, _facing(met, ray.d), self._carriers(moment)[0]))
+        return dr.select((depth == 0) | ~(pdf > 0), 1.0, _weight(direction_pdf, pdf, self.heuristic))
+
+    def _exponent(self, met: Met, active: Any) -> Any:
+        return met.si.bsdf().eval_attribute_3("lobe", met.si, active).x if self.draw.strategy == "phong" else 0
+
+    def _shape(self, met: Met) -> Any:
+        """The index of the shape met, -1 where the ray escaped."""
+        mi = self.mi
+        import drjit as dr
+
+        valid = met.si.is_valid()
+        return dr.select(valid, dr.gather(mi.Int32, self._table, dr.reinterpret_array(mi.UInt32, met.si.shape), valid), -1)
+
+    def _carriers(self, moment: Any) -> tuple[Any, Any]:
+        """How points are carried to where a shape rests at each moment, and directions back."""
+        poses = {mover.shape: mover.pose(self.mi, moment) for mover in self._movers}
+
+        def to_rest(p: Any, shape: int) -> Any:
+            return self.mi.Point3f(poses[shape][0].T @ (self.mi.Vector3f(p) - poses[shape][1])) if shape in poses else p
+
+        def from_rest(d: Any, shape: int) -> Any:
+            return poses[shape][0] @ d if shape in poses else d
+
+        return to_rest, from_rest
+
     def _trace(self, begun: Begun) -> Any:
         """Radiance of every path."""
         mi = self.mi
         import drjit as dr
 
         deepest = dr.opaque(mi.UInt32, self.reading.max_depth)
+        samples_lights = bool(self._lights.lights)
 
-        def vertex(state: Any, ray: Any, moment: Any, throughput: Any, radiance: Any, depth: Any, active: Any) -> Any:
+        def vertex(state: Any, ray: Any, moment: Any, throughput: Any, radiance: Any, depth: Any, drawn: Any,
+                   active: Any) -> Any:
             met = self.meet(ray, moment, active)
-            radiance = dr.fma(throughput, met.emitted, radiance)
+            radiance = dr.fma(throughput, met.emitted * self._of_met(met, ray, moment, depth, drawn), radiance)
             depth = depth + 1
             active = active & met.si.is_valid() & (depth < deepest)
+            if samples_lights:
+                light, state = self.lit(met, ray, moment, state, active)
+                radiance = dr.fma(throughput, light, radiance)
             to = self.scatter(met, ray, state, active)
+            if self.lights == "mis":
+                drawn = self.direction_pdf(met, to.direction, self._exponent(met, active), active)
             throughput = throughput * to.weight
-            return to.state, to.ray, moment, throughput, radiance, depth, active & dr.any(throughput != 0)
+            return to.state, to.ray, moment, throughput, radiance, depth, drawn, active & dr.any(throughput != 0)
 
-        loop = (begun.state, begun.ray, begun.moment, mi.Spectrum(1), mi.Spectrum(0), mi.UInt32(0), mi.Bool(True))
+        loop = (begun.state, begun.ray, begun.moment, mi.Spectrum(1), mi.Spectrum(0), mi.UInt32(0), mi.Float(0),
+                mi.Bool(True))
         return dr.while_loop(loop, lambda *loop: loop[-1], vertex, label="coupled")[4]
 
 
 @dataclass(frozen=True, eq=False)
 class _Mover:
-    """A shape that moves: its screw motion, and a scene in which it rests alone."""
+    """A shape that moves: its index, its screw motion, and a scene in which it rests alone."""
 
+    shape: int
     steady: Screw
     scene: Any
 
@@ -362,3 +450,20 @@ def _ratio(value: Any, by: Any) -> Any:
 
     positive = by > 0
     return dr.select(positive, value / dr.select(positive, by, 1), 0)
+
+
+def _facing(met: Met, direction: Any) -> Any:
+    """The cosine between a ray and the normal of what it met, positive in front."""
+    import drjit as dr
+
+    normal = met.si.sh_frame.n if met.turn is None else met.turn @ met.si.sh_frame.n
+    return -dr.dot(normal, direction)
+
+
+def _weight(own: Any, other: Any, heuristic: str) -> Any:
+    """Of multiple importance sampling, for what was drawn with density `own`: Veach & Guibas 1995, section 3."""
+    import drjit as dr
+
+    if heuristic == "power":
+        own, other = own * own, other * other
+    return dr.select(own > 0, own / (own + other), 0)

@@ -13,8 +13,9 @@ import numpy as np
 
 from harness.errors import HarnessError
 from harness.machine.mitsuba_runtime import use_reference_variant
-from harness.reference.motion import MovingShapes, moving_id
+from harness.reference.motion import MovingShapes
 from harness.reference.prepare import prepare
+from harness.reference.shape_index import shape_table
 from harness.scene import Scene, SceneFile, load
 from harness.scene.motion import moving
 
@@ -77,7 +78,7 @@ class CoupledSteps:
         self._mitsuba = prepared.scene
         self._sensor = prepared.scene.sensors()[0]
         self._moving = MovingShapes(self._mi, prepared.scene, self.scene) if moving(self.scene) else None
-        self._shapes = self._lookup()
+        self._shapes = shape_table(self._mi, prepared.scene.shapes(), self.scene)
 
     def move(self, time: float) -> None:
         """Put all that moves where it is at this time."""
@@ -134,21 +135,6 @@ class CoupledSteps:
         si = self._mitsuba.ray_intersect(ray, ray_flags=mi.RayFlags.UV | mi.RayFlags.ShadingFrame, coherent=False,
                                          active=mi.Bool(True))
         return si, si.bsdf(), si.is_valid()
-
-    def _lookup(self) -> np.ndarray:
-        """From the registered number of a Mitsuba shape to its index in our scene."""
-        mi = self._mi
-        import drjit as dr
-
-        names = {shape.name: index for index, shape in enumerate(self.scene.shapes) if shape.name}
-        names |= {moving_id(index): index for index in moving(self.scene)}
-        found: dict[int, int] = {}
-        for position, shape in enumerate(self._mitsuba.shapes()):
-            pointer = int(np.array(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0])
-            found[pointer] = names.get(shape.id(), position)
-        table = np.full(max(found, default=0) + 1, -1)
-        table[list(found)] = list(found.values())
-        return table
 
     def _floats(self, values: np.ndarray) -> Any:
         return self._mi.Float(_aligned(np.pad(values, (0, -len(values) % LANES), mode="edge")))

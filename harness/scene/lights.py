@@ -20,7 +20,7 @@ from harness.scene.displaced import bounds
 from harness.scene.frame import seen
 from harness.scene.model import RGB, Checkerboard, EnvironmentMap, Procedural, Scene, Shape, Texture, peak
 
-# Written out in the shader one by one; past this, compilers take minutes. See lights_of.
+# Written out in the shader one by one; past this, compilers take minutes.
 MOST_LIGHTS = 256
 # Of shapes the index, of the environment this: what a ray that escapes has met.
 ENVIRONMENT = -1
@@ -37,18 +37,21 @@ class Light:
     chance: float
 
 
-def lights_of(scene: Scene, *, sky: bool = True) -> tuple[Light, ...]:
+def lights_sampled(scene: Scene, way: str) -> tuple[Light, ...]:
     """The lights that vertices choose from, brightest first; those that send out nothing are left out.
 
-    `sky`: whether an environment of one radiance is among them; one with a map always is.
-    HarnessError for more than MOST_LIGHTS.
+    `way`: how light is found. Where it is only `met`, none is sampled. Where it is met as well as sampled (`mis`), an
+    environment of one radiance is not among them: directions drawn for the surface find it as often as they should, so
+    that none needs less to be sampled. HarnessError for more than MOST_LIGHTS.
     """
+    if way == "met":
+        return ()
     powers = {index: mean(shape.emission) @ LUMINANCE * area(shape)
               for index, shape in enumerate(scene.shapes) if shape.emission is not None and max(peak(shape.emission)) > 0}
     if len(powers) > MOST_LIGHTS:
         raise HarnessError(f"scene '{scene.name}' has {len(powers)} lights; strategies that sample them take "
                            f"{MOST_LIGHTS} at most: use mixture, or join lights into fewer shapes")
-    if isinstance(scene.environment, EnvironmentMap) or sky:
+    if isinstance(scene.environment, EnvironmentMap) or way == "nee":
         radiance = _environment_radiance(scene.environment)
         if radiance > 0:
             powers[ENVIRONMENT] = 4 * math.pi * radiance * _radius_seen(scene)**2

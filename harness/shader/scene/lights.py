@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from harness.scene.lights import ENVIRONMENT, Light, area, face_areas, lights_of, reach
+from harness.scene.lights import ENVIRONMENT, Light, area, face_areas, lights_sampled, reach
 from harness.scene.model import EnvironmentMap, Procedural, Scene, Shape
 from harness.shader.scene.geometry import geometric_normal
 from harness.shader.scene.literals import chosen, function, is_any, number, vector
@@ -27,7 +27,7 @@ def light_switches(scene: Scene, strategy: Strategy) -> dict[str, object]:
     """The defines that say how light is found; LIGHTS is 0 where there is none to sample."""
     if not strategy.samples_lights:
         return {}
-    lights = [light.shape for light in sampled(scene, strategy)]
+    lights = [light.shape for light in lights_sampled(scene, strategy.lights)]
     return {"LIGHTS": LIGHTS.index(strategy.lights) if lights else 0,
             "HEURISTIC": f"HEURISTIC_{strategy.heuristic.upper()}",
             "HAS_LIGHT_CHOICE": int(len(lights) > 1),
@@ -35,15 +35,9 @@ def light_switches(scene: Scene, strategy: Strategy) -> dict[str, object]:
             "HAS_SKY_LIGHT": int(ENVIRONMENT in lights)}
 
 
-def sampled(scene: Scene, strategy: Strategy) -> tuple[Light, ...]:
-    """The lights that the strategy samples. A sky of one radiance only where nothing else gathers it: directions drawn
-    for the surface meet it as they should, and no light needs less to be sampled."""
-    return lights_of(scene, sky=strategy.lights == "nee") if strategy.samples_lights else ()
-
-
 def light_functions(scene: Scene, strategy: Strategy, motions: Motions) -> list[str]:
     """The functions; nothing where no light is sampled."""
-    lights = sampled(scene, strategy)
+    lights = lights_sampled(scene, strategy.lights)
     if not lights:
         return []
     shapes = {light.shape: scene.shapes[light.shape] for light in lights if light.shape != ENVIRONMENT}
