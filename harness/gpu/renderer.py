@@ -40,7 +40,7 @@ class TracerRenderer:
         self.scene = scene
         self.strategy = check_strategy(scene, strategy)
         self.source = source or OURS.tracer(scene, strategy)
-        self._samplers = Samplers(scene)
+        self._samplers = Samplers(scene, self.source)
         iterations = scene.max_depth * (1 + march_steps(scene.shapes))  # of one sample, at most
         try:
             self._pingpong = PingPong(device().fitted(self.source), (scene.width, scene.height), NATIVE,
