@@ -40,7 +40,7 @@ class TracerRenderer:
         self.scene = scene
         self.strategy = check_strategy(scene, strategy)
         self.source = source or OURS.tracer(scene, strategy)
-        self._samplers = Samplers(scene)
+        self._samplers = Samplers(scene, self.source)
         marches = 2 if parse_strategy(strategy).samples_lights else 1  # a vertex's to a light is one of its own
         iterations = scene.max_depth * (1 + march_steps(scene.shapes)) * marches  # of one sample, at most
         try:

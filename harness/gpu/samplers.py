@@ -8,9 +8,11 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.gpu.context import context
 from harness.scene.bitmaps import bitmap_texels, environment_texels
+from harness.scene.importance import alias_table, texel_density
 from harness.scene.model import EnvironmentMap, Scene
 from harness.shader.scene.bitmaps import images
-from harness.shader.scene.environment import SAMPLER
+from harness.shader.scene.environment import SAMPLER, TABLE
+from harness.shader.source import ShaderSource
 
 
 class Samplers:
@@ -19,16 +21,22 @@ class Samplers:
     RGBA, since llvmpipe reads it a third faster than RGB, and float32, since it filters 8-bit formats in 8 bits.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        """Read and upload the files. Raises SceneError where they changed, HarnessError where they do not fit GL."""
+    def __init__(self, scene: Scene, source: ShaderSource | None = None) -> None:
+        """Read and upload the files. Raises SceneError where they changed, HarnessError where they do not fit GL.
+
+        `source`: the shader that reads them; where it draws directions from the environment map, it gets the table for
+        that too, and the map's alpha is the pdf.
+        """
         self._textures: dict[str, moderngl.Texture] = {}
         gl = context()
         units = int(gl.info["GL_MAX_TEXTURE_IMAGE_UNITS"]) - 1  # one is the renderer's own
         bitmaps = images(scene.shapes)
         environment = scene.environment if isinstance(scene.environment, EnvironmentMap) else None
-        if len(bitmaps) + (environment is not None) > units:
+        draws = environment is not None and source is not None and TABLE in source.text
+        if len(bitmaps) + (environment is not None) + draws > units:
             raise HarnessError(f"scene '{scene.name}' has {len(bitmaps)} bitmaps; this device reads {units} images at "
-                               "most in one shader, the environment map among them")
+                               "most in one shader, the environment map and the table by which directions are drawn "
+                               "from it among them")
         try:
             for index, bitmap in enumerate(bitmaps):
                 texture = self._upload(f"bitmap{index}", bitmap.path.name, bitmap_texels(bitmap))
@@ -36,9 +44,14 @@ class Samplers:
                 texture.filter = (mode, mode)
                 texture.repeat_x = texture.repeat_y = bitmap.wrap_mode == "repeat"
             if environment is not None:
-                texture = self._upload(SAMPLER, environment.path.name, environment_texels(environment))
+                alpha = texel_density(environment) if draws else 1.0
+                texture = self._upload(SAMPLER, environment.path.name, environment_texels(environment), alpha)
                 texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
                 texture.repeat_x, texture.repeat_y = True, False
+            if environment is not None and draws:
+                table = alias_table(environment)
+                texture = self._upload(TABLE, environment.path.name, table[..., :3], table[..., 3])
+                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         except BaseException:
             self.release()
             raise
@@ -54,14 +67,14 @@ class Samplers:
         for texture in self._textures.values():
             texture.release()
 
-    def _upload(self, name: str, file: str, texels: np.ndarray) -> moderngl.Texture:
+    def _upload(self, name: str, file: str, texels: np.ndarray, alpha: np.ndarray | float = 1.0) -> moderngl.Texture:
         gl = context()
         height, width = texels.shape[:2]
         largest = int(gl.info["GL_MAX_TEXTURE_SIZE"])
         if max(width, height) > largest:
             raise HarnessError(f"'{file}' has {width} x {height} texels; this device takes {largest} a side at most, "
                                "scale it down")
-        rgba = np.ones((height, width, 4), dtype=np.float32)
-        rgba[..., :3] = texels
+        rgba = np.empty((height, width, 4), dtype=np.float32)
+        rgba[..., :3], rgba[..., 3] = texels, alpha
         self._textures[name] = gl.texture((width, height), 4, rgba.data, dtype="f4")
         return self._textures[name]

@@ -79,7 +79,7 @@ class Tap:
         self.source = library.tracer(scene, strategy)
         self.functions: Mapping[str, Function] = functions(self.source)
         self._program = _compile(tapped(scene, strategy, library), self.source)
-        self._samplers = Samplers(scene)
+        self._samplers = Samplers(scene, self.source)
         gl = context()
         size = scene.width, scene.height
         self._pingpong = [gl.texture(size, 4, dtype="f4") for _ in range(2)]

@@ -15,9 +15,10 @@ import numpy as np
 
 from harness.errors import HarnessError
 from harness.samples.estimate import LUMINANCE
-from harness.scene.bitmaps import bitmap_texels, environment_texels
+from harness.scene.bitmaps import bitmap_texels
 from harness.scene.displaced import bounds
 from harness.scene.frame import seen
+from harness.scene.importance import mean_radiance
 from harness.scene.model import RGB, Checkerboard, EnvironmentMap, Procedural, Scene, Shape, Texture, peak
 
 # Written out in the shader one by one; past this, compilers take minutes.
@@ -106,11 +107,8 @@ def mean(texture: Texture | None) -> np.ndarray:
 
 
 def _environment_radiance(environment: RGB | EnvironmentMap) -> float:
-    if isinstance(environment, EnvironmentMap):
-        texels = environment_texels(environment).astype(np.float64) * environment.scale
-        heights = np.sin(np.linspace(0, np.pi, len(texels)))  # the first and the last row lie on the poles
-        return float((texels @ LUMINANCE).mean(axis=1) @ heights / heights.sum())
-    return float(np.array(environment) @ LUMINANCE)
+    radiance = mean_radiance(environment) if isinstance(environment, EnvironmentMap) else environment
+    return float(np.array(radiance) @ LUMINANCE)
 
 
 def _radius_seen(scene: Scene) -> float:

@@ -104,7 +104,7 @@ def _calling(code: str) -> str:
     code = re.sub(r"\bbitmap\((bitmap\d+), ", r"look_up_\1(", code)
     code = code.replace(f"environment_texel({SAMPLER}, ", "environment_texel(").replace(
         "environment_texel(sampler2D image, ", "environment_texel(")
-    return re.sub(r"textureLod\(image, (.+), 0\.0\)\.rgb", rf"look_up_{SAMPLER}(\1)", code)
+    return re.sub(r"textureLod\(image, (.+), 0\.0\)", rf"vec4(look_up_{SAMPLER}(\1), 1.0)", code)
 
 
 def _lookup(image: Image, stored: Stored) -> str:

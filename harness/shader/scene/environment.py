@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from harness.scene.importance import alias_table
 from harness.scene.model import RGB, EnvironmentMap
 from harness.shader.scene.literals import function, in_comment, number, vector
 
-# The sampler that holds an environment map.
+# The sampler that holds an environment map, and the one by whose table directions are drawn from it.
 SAMPLER = "environment_map"
+TABLE = "environment_alias"
 
 
 def environment_function(environment: RGB | EnvironmentMap) -> list[str]:
     """`environment`: the radiance that arrives from direction d, towards the light."""
     if isinstance(environment, tuple):
         return function("vec3 environment(vec3 d)", [f"return {vector(environment)};"])
-    # Columns of the inverse, which is the transpose: a rotation.
-    columns = np.array(environment.to_world)[:3, :3]
-    turned = "d" if np.array_equal(columns, np.eye(3)) else f"mat3({', '.join(map(vector, columns))}) * d"
     scaled = "" if environment.scale == 1 else f" * {number(environment.scale)}"
     return [
         '#include "lib/environment.glsl"',
@@ -26,6 +25,37 @@ def environment_function(environment: RGB | EnvironmentMap) -> list[str]:
         "edge in t, no mipmaps.",
         f"uniform sampler2D {SAMPLER};",
         "",
-        *function("vec3 environment(vec3 d)",
-                  [f"return environment_texel({SAMPLER}, {number(environment.rows)}, {turned}){scaled};"]),
+        *function("vec3 environment(vec3 d)", [f"return {_texel(environment)}.rgb{scaled};"]),
     ]
+
+
+def sampling_functions(environment: EnvironmentMap) -> list[str]:
+    """`sample_environment` and `pdf_environment`, to stand behind `environment`: a direction drawn from the map.
+
+    The pdf is the alpha of the texel that `environment` reads, and costs nothing beside it. HarnessError for a black
+    map, SceneError where its file changed: see `harness.scene.importance`.
+    """
+    rows, columns = alias_table(environment).shape[:2]
+    rotation = np.array(environment.to_world)[:3, :3]
+    drawn = f"sample_environment_texel({TABLE}, {vector((columns, rows))}, pick, u)"
+    return [
+        f"// The alias table of {in_comment(environment.path.name)}, whose alpha is then the pdf; filter nearest.",
+        f"uniform sampler2D {TABLE};",
+        "",
+        "// Per steradian, for any unit direction d.",
+        *function("float pdf_environment(vec3 d)", [f"return {_texel(environment)}.a;"]),
+        "// A unit direction towards the light from infinity, and its pdf; pick and u are uniform.",
+        *function("vec3 sample_environment(float pick, vec2 u, out float pdf)",
+                  [f"vec3 d = {_turned(rotation.T, drawn)};", "pdf = pdf_environment(d);", "return d;"]),
+    ]
+
+
+def _texel(environment: EnvironmentMap) -> str:
+    """The texel of direction d of the scene."""
+    return (f"environment_texel({SAMPLER}, {number(environment.rows)}, "
+            f"{_turned(np.array(environment.to_world)[:3, :3], 'd')})")
+
+
+def _turned(columns: np.ndarray, d: str) -> str:
+    """A direction under the rotation that has these columns, as rows of an array: the transpose is the inverse."""
+    return d if np.array_equal(columns, np.eye(3)) else f"mat3({', '.join(map(vector, columns))}) * {d}"

@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.scene.lights import ENVIRONMENT, Light, area, face_areas, lights_sampled, reach
 from harness.scene.model import EnvironmentMap, Procedural, Scene, Shape
+from harness.shader.scene.environment import sampling_functions
 from harness.shader.scene.geometry import geometric_normal
 from harness.shader.scene.literals import chosen, function, is_any, number, vector
 from harness.shader.scene.motion import Motions
@@ -42,7 +43,9 @@ def light_functions(scene: Scene, strategy: Strategy, motions: Motions) -> list[
         return []
     shapes = {light.shape: scene.shapes[light.shape] for light in lights if light.shape != ENVIRONMENT}
     has_sky = any(light.shape == ENVIRONMENT for light in lights)
-    parts = ['#include "lib/lights.glsl"', '#include "lib/mis.glsl"', "", *_choice(lights),
+    has_map = has_sky and isinstance(scene.environment, EnvironmentMap)
+    parts = ['#include "lib/lights.glsl"', '#include "lib/mis.glsl"', "",
+             *(sampling_functions(scene.environment) if has_map else []), *_choice(lights),
              *_sampling(scene, shapes, motions, has_sky=has_sky), *_radiance(scene, shapes, motions)]
     return [*parts, *_densities(lights, shapes, motions)] if strategy.lights == "mis" else parts
 
