@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.reference.draws import rand, rand2, sample_cosine, to_world
+from harness.reference.map_draws import MapDraws
 from harness.scene import Scene
 from harness.scene.lights import ENVIRONMENT, Light, area, face_areas, reach
 from harness.scene.model import EnvironmentMap, Shape
@@ -76,13 +77,19 @@ class LightDraws:
         return Aimed(direction, shape, chance, state)
 
     def _to_sky(self, n: Any, pick: Any, a: Any, b: Any) -> Any:
-        return sample_cosine(n, a, b)
+        return self._map.direction(pick, a, b) if self.has_map else sample_cosine(n, a, b)
 
     def sky_density(self, direction: Any, n: Any) -> Any:
-        """Per steradian, of directions to the environment, from surfaces with normals `n`; without its chance."""
+        """Per steradian, of directions to the environment, from surfaces with normals `n` where it has no map; without
+        the chance of being chosen."""
         import drjit as dr
 
-        return dr.maximum(dr.dot(n, direction), 0) * dr.inv_pi
+        return self._map.density(direction) if self.has_map else dr.maximum(dr.dot(n, direction), 0) * dr.inv_pi
+
+    @property
+    def _map(self) -> MapDraws:
+        assert isinstance(self.scene.environment, EnvironmentMap)
+        return MapDraws(self.mi, self.scene.environment)
 
     def density(self, shape: Any, o: Any, t: Any, facing: Any, to_rest: Carry) -> Any:
         """Per steradian, of directions from `o` to where they meet the lit side of the shape of this index, at the
