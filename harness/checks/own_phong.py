@@ -16,7 +16,7 @@ from harness.checks.weight import weight
 from harness.shader.strategies import DRAWS
 
 VALUES = 4096  # directions at which the BRDF is held against its formula, each of them over a whole hemisphere
-DRAWS = 1 << 16
+DRAWN = 1 << 16
 POINTS = (400, 100)  # of the quadrature, good to 1e-5 of lights that are as smooth as these
 ANGLES = (0.0, 40.0, 75.0)  # of the viewer to the normal, in degrees
 # Materials with what chooses their lobe: matt, glossy alone, both.
@@ -71,8 +71,8 @@ def values(probe: Probe, alpha: float) -> Finding:
 
 def gathered(probe: Probe, strategy: str, vertex: Vertex, angle: float) -> Finding:
     """The mean of weight times the light from where the direction points, against its integral."""
-    directions, weights = vertex.draw(probe, strategy, DRAWS, by_sample=True)
-    lit = (weights[:, None, :] * _light(directions)[:, :, None]).reshape(DRAWS, -1)
+    directions, weights = vertex.draw(probe, strategy, DRAWN, by_sample=True)
+    lit = (weights[:, None, :] * _light(directions)[:, :, None]).reshape(DRAWN, -1)
     found = weight(lambda _: lit, _expected(vertex).ravel(), names=NAMES)
     share = found.value / found.expected if found.expected else np.nan
     times = f", {share:.4g} times as much" if not found.passed and np.isfinite(share) else ""

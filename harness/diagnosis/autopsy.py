@@ -23,7 +23,7 @@ from harness.progress import Progress, quiet
 from harness.reference.coupled_steps import CoupledSteps
 from harness.scene import SceneFile, load
 from harness.shader.library import OURS, Library
-from harness.shader.strategies import check_strategy
+from harness.shader.strategies import check_strategy, parse_strategy
 
 # A replica and a first sample that are not 0, or a seed that forgets one of them would not show.
 REPLICA, FIRST = 3, 5
@@ -113,11 +113,14 @@ def autopsy(file: SceneFile, strategy: str, library: Library = OURS, *, samples:
             progress: Progress = quiet) -> AutopsyRecord:
     """Compare the stages of `samples` paths of each pixel with Mitsuba's single steps.
 
+    Of a strategy that samples lights, the paths without the rays to lights.
+
     `strict`: a generator, a sampler or a loop of the library's own counts as a defect of ours.
     HarnessError for an unknown strategy, ShaderError for a library that does not compile, SceneError for a scene
     outside the tracer's subset.
     """
     check_strategy(load(file), strategy)
+    strategy = parse_strategy(strategy).draw  # the paths of nee and mis are those of their draw
     with opened(CoupledSteps(file), strategy, library, strict=strict) as case:
         return diagnose(case, samples, progress)
 

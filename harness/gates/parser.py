@@ -56,7 +56,7 @@ from harness.gates.model import (
     GatesFile,
 )
 from harness.scene.file import MAX_DEPTH_LIMIT, SceneFile
-from harness.shader.strategies import STRATEGIES
+from harness.shader.strategies import parse_strategy
 from harness.stats.agreement import SHARE
 from harness.stats.levels import family_level
 from harness.stats.paired import COUPLED, check_paired_tolerance
@@ -205,8 +205,10 @@ def _strategies(table: _Table) -> tuple[str, ...]:
     named = table.value("strategy")
     names = named if isinstance(named, list) else [named]
     for name in names:
-        if name not in STRATEGIES:
-            raise table.error("strategy", f"unknown strategy {name!r}; choose from {', '.join(STRATEGIES)}")
+        try:
+            parse_strategy(name)
+        except HarnessError as error:
+            raise table.error("strategy", str(error)) from None
     if not names or len(set(names)) < len(names):
         raise table.error("strategy", f"expected one or more strategies, each once, found {named}")
     return tuple(names)

@@ -29,7 +29,7 @@ from harness.scene import load as read
 from harness.shader.functions import functions_of
 from harness.shader.library import GENERATED, OURS, Library, OwnFile
 from harness.shader.scene.materials import switches
-from harness.shader.strategies import suitable_strategies
+from harness.shader.strategies import DRAWS, suitable_strategies
 from harness.work.executors import executor
 
 SIZE = (48, 36)
@@ -95,7 +95,8 @@ def _everywhere() -> Iterator[tuple[str, str]]:
         name = path.relative_to(folder).with_suffix("").as_posix()
         scene = read(SceneFile.bundled(name, SIZE))
         alike = () if switches(scene.shapes)["HAS_GLOSSY"] else ("lobes", "mixture")
-        yield from ((name, strategy) for strategy in suitable_strategies(scene) if strategy not in alike)
+        yield from ((name, strategy) for strategy in suitable_strategies(scene)
+                    if strategy in DRAWS and strategy not in alike)
 
 
 def as_own_files(variant: Variant) -> Library:

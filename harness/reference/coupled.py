@@ -11,7 +11,7 @@ What both share cannot show in the difference: the generator, and the directions
 `mixture` is the BSDF's own; those of the other strategies follow from its value.
 
 Where shapes move, each path sees the shutter's interval at the moment that its own number picks, as in the shader:
-Mitsuba's shapes rest, and the ray is carried to where each of them does (`_Mover`).
+Mitsuba's shapes rest, and the ray is carried to where each of them does (`Mover`).
 
 The pieces, for whoever steps through paths instead of rendering them (all arrays are drjit's, one lane a path):
 `lanes` and `begin` give the state with which paths start; `meet` and `scatter` are the two halves of a vertex.
@@ -30,6 +30,7 @@ from harness.machine.mitsuba_runtime import use_reference_variant
 from harness.reference.draws import Draw, pixel_stream, rand, seed_sample
 from harness.reference.light_draws import LightDraws
 from harness.reference.motion import moving_id
+from harness.reference.movers import Mover, at_rest, scene_of, turned_back
 from harness.reference.prepare import prepare
 from harness.reference.shape_index import shape_table
 from harness.samples.cost import Watch, cpu
@@ -40,7 +41,7 @@ from harness.samples.traits import Traits
 from harness.scene import Scene, SceneFile, load
 from harness.scene.lights import lights_sampled
 from harness.scene.model import is_black
-from harness.scene.motion import Screw, moving, screw
+from harness.scene.motion import moving, screw
 
 # Paths of one kernel: with more, Ctrl-C waits for seconds; with a quarter, launches begin to count.
 LANES = 1 << 21
@@ -118,7 +119,7 @@ class CoupledRenderer:
         self._lights = LightDraws(self.mi, self.reading, lights_sampled(self.reading, lights))
         self._table = self.mi.Int32(shape_table(self.mi, self.shapes, self.reading))
 
-    def _parted(self, whole: Any) -> tuple[Any, list[_Mover]]:
+    def _parted(self, whole: Any) -> tuple[Any, list[Mover]]:
         """The scene taken apart: what rests, and each shape that moves in a scene of its own."""
         indices = {moving_id(index): index for index in moving(self.reading)}
         # Into a scene shapes go by names that become their ids: they are told apart before.
@@ -131,7 +132,7 @@ class CoupledRenderer:
         if (environment := whole.environment()) is not None:
             resting.append(environment)
         motions = {index: self.reading.shapes[index].motion for index in movers}
-        return _scene(self.mi, resting), [_Mover(index, screw(motion), _scene(self.mi, [movers[index]]))
+        return scene_of(self.mi, resting), [Mover(index, screw(motion), scene_of(self.mi, [movers[index]]))
                                           for index, motion in motions.items() if motion]
 
     @property
@@ -239,7 +240,7 @@ class CoupledRenderer:
             turn, shift = mi.Matrix3f(1), mi.Vector3f(0)
         for mover in self._movers:
             pose = mover.pose(mi, moment)
-            hit = mover.scene.ray_intersect(_at_rest(mi, ray, *pose), ray_flags=flags, coherent=False, active=active)
+            hit = mover.scene.ray_intersect(at_rest(mi, ray, *pose), ray_flags=flags, coherent=False, active=active)
             nearer = hit.is_valid() & (hit.t < si.t)
             si = dr.select(nearer, hit, si)
             turn, shift = dr.select(nearer, pose[0], turn), dr.select(nearer, pose[1], shift)
@@ -270,7 +271,7 @@ class CoupledRenderer:
         import drjit as dr
 
         bsdf, context = met.si.bsdf(), mi.BSDFContext()
-        wo = met.si.to_local(_turned_back(direction, met.turn))
+        wo = met.si.to_local(turned_back(direction, met.turn))
         if self.draw.strategy == "uniform":
             return bsdf.eval(context, met.si, wo, active) * dr.two_pi
         if self.draw.by_cosine:
@@ -292,7 +293,7 @@ class CoupledRenderer:
 
     def leave(self, met: Met, direction: Any) -> Any:
         """The ray that leaves a surface, lifted off it as Mitsuba does."""
-        ray = met.si.spawn_ray(_turned_back(direction, met.turn))
+        ray = met.si.spawn_ray(turned_back(direction, met.turn))
         if met.turn is not None:
             ray.o = self.mi.Point3f(met.turn @ ray.o + met.shift)
             ray.d = direction
@@ -303,7 +304,7 @@ class CoupledRenderer:
         mi = self.mi
         import drjit as dr
 
-        wo = met.si.to_local(_turned_back(direction, met.turn))
+        wo = met.si.to_local(turned_back(direction, met.turn))
         if self.draw.strategy == "uniform":
             return mi.Float(0.5 * float(dr.inv_pi))
         if self.draw.by_cosine:
@@ -327,7 +328,7 @@ class CoupledRenderer:
             self._lights.density(aimed.shape, o, found.si.t, facing, self._carriers(moment)[0]))
         seen = active & (met_shape == aimed.shape) & ((facing > 0) | (aimed.shape < 0)) & (
             dr.dot(met.normal, aimed.direction) > 0)
-        bsdf, wo = met.si.bsdf(), met.si.to_local(_turned_back(aimed.direction, met.turn))
+        bsdf, wo = met.si.bsdf(), met.si.to_local(turned_back(aimed.direction, met.turn))
         value = bsdf.eval(mi.BSDFContext(), met.si, wo, active)
         if self.lights == "mis":
             value *= _weight(pdf, self.direction_pdf(met, aimed.direction, self._exponent(met, active), active),
@@ -357,7 +358,8 @@ class CoupledRenderer:
         import drjit as dr
 
         valid = met.si.is_valid()
-        return dr.select(valid, dr.gather(mi.Int32, self._table, dr.reinterpret_array(mi.UInt32, met.si.shape), valid), -1)
+        registered: Any = dr.reinterpret_array(mi.UInt32, met.si.shape)
+        return dr.select(valid, dr.gather(mi.Int32, self._table, registered, valid), -1)
 
     def _carriers(self, moment: Any) -> tuple[Any, Any]:
         """How points are carried to where a shape rests at each moment, and directions back."""
@@ -397,42 +399,6 @@ class CoupledRenderer:
         loop = (begun.state, begun.ray, begun.moment, mi.Spectrum(1), mi.Spectrum(0), mi.UInt32(0), mi.Float(0),
                 mi.Bool(True))
         return dr.while_loop(loop, lambda *loop: loop[-1], vertex, label="coupled")[4]
-
-
-@dataclass(frozen=True, eq=False)
-class _Mover:
-    """A shape that moves: its index, its screw motion, and a scene in which it rests alone."""
-
-    shape: int
-    steady: Screw
-    scene: Any
-
-    def pose(self, mi: Any, moment: Any) -> tuple[Any, Any]:
-        """Where it has come to at each moment, as `Screw.pose` has it: a Matrix3f and a Vector3f."""
-        import drjit as dr
-
-        turned = moment * self.steady.angle
-        sine, versine = dr.sin(turned), 2.0 * dr.square(dr.sin(0.5 * turned))
-        x, y, z = (float(value) for value in self.steady.axis)
-        across = mi.Matrix3f([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        along_sine, along_versine = (mi.Vector3f(*map(float, part)) for part in self.steady.swing)
-        turn = mi.Matrix3f(1) + sine * across + versine * (across @ across)
-        return turn, moment * mi.Vector3f(*map(float, self.steady.slide)) + sine * along_sine + versine * along_versine
-
-
-def _scene(mi: Any, parts: list[Any]) -> Any:
-    return mi.load_dict({"type": "scene", **{f"part {number}": part for number, part in enumerate(parts)}})
-
-
-def _at_rest(mi: Any, ray: Any, turn: Any, shift: Any) -> Any:
-    back = turn.T
-    carried = mi.Ray3f(ray)
-    carried.o, carried.d = mi.Point3f(back @ (mi.Vector3f(ray.o) - shift)), back @ ray.d
-    return carried
-
-
-def _turned_back(direction: Any, turn: Any) -> Any:
-    return direction if turn is None else turn.T @ direction
 
 
 def _lobe_pdf(axis: Any, wo: Any, alpha: Any) -> Any:

@@ -1,9 +1,10 @@
 """Light sampling in drjit: `lib/lights.glsl`, and the choice of a light, written out a second time.
 
-Directions are made of the same numbers by the same formulas, so that they are those of the shader up to rounding. Their
-densities are not: those of points drawn on a surface follow from where Mitsuba's ray meets Mitsuba's shape, distance² over
-area and cosine, so that an error of the shader's shows in the difference. What the two share, which part of a cube or of a
-cylinder faces a vertex and how much of the sky a ball covers, is proved by itself (`tests/glsl/test_lights.py`).
+Directions are made of the same numbers by the same formulas, so that they are those of the shader up to rounding.
+Their densities are not: those of points drawn on a surface follow from where Mitsuba's ray meets Mitsuba's shape,
+distance² over area and cosine, so that an error of the shader's shows in the difference. What the two share, which part
+of a cube or of a cylinder faces a vertex and how much of the sky a ball covers, is proved by itself
+(`tests/glsl/test_lights.py`).
 """
 
 from __future__ import annotations
@@ -143,7 +144,7 @@ def _towards(mi: Any, shape: Shape, o: Any, a: Any, b: Any) -> Any:
         on_x, on_y = share < x, share < x + y
         within = dr.select(on_x, share / x, dr.select(on_y, (share - x) / y, (share - x - y) / z))
         s, t = 2.0 * within - 1.0, 2.0 * b - 1.0
-        side = dr.sign(q)
+        side = mi.Vector3f(*(dr.select(at < 0, -1.0, 1.0) for at in q))
         p = dr.select(on_x, mi.Vector3f(side.x, s, t),
                       dr.select(on_y, mi.Vector3f(s, side.y, t), mi.Vector3f(s, t, side.z)))
         at = middle + p.x * axes[0] + p.y * axes[1] + p.z * axes[2]
@@ -179,8 +180,7 @@ def _cap(mi: Any, shape: Shape, o: Any) -> Any:
     """1 - cos of the half angle at which a ball is seen; 2 from inside."""
     import drjit as dr
 
-    radius = reach(shape) if shape.kind == "displacedsphere" else float(np.cbrt(abs(np.linalg.det(shape.matrix[:3, :3]))))
-    sine2 = radius**2 / dr.squared_norm(mi.Point3f(*map(float, shape.matrix[:3, 3])) - o)
+    sine2 = reach(shape)**2 / dr.squared_norm(mi.Point3f(*map(float, shape.matrix[:3, 3])) - o)
     return dr.select(sine2 < 1, sine2 / (1 + dr.sqrt(dr.maximum(0, 1 - sine2))), 2.0)
 
 

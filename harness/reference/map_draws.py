@@ -1,7 +1,7 @@
 """Directions drawn from an environment map, in drjit: `sample_environment_texel` of `lib/environment.glsl` once more.
 
-The direction is made of the same numbers by the same formulas; its density is the map's own, looked up where the direction
-points (`harness.scene.importance`), so that one that does not belong to the draw shows in the difference.
+The direction is made of the same numbers by the same formulas; its density is the map's own, looked up where the
+direction points (`harness.scene.importance`), so that one that does not belong to the draw shows in the difference.
 """
 
 from __future__ import annotations
@@ -94,5 +94,6 @@ def _cap(part: Any, cap: float, half_sine: float) -> Any:
 
     c = dr.power(part, 1.0 / 3.0)
     y, x = c * c, cap * cap
-    bent = x * (0.02500142 + x * (0.000636777 + 0.000844828 * y + x * (1.893667e-5 + y * (9.31922e-6 + y * 4.92828e-5))))
+    bent = x * (0.02500142 + x * (0.000636777 + 0.000844828 * y
+                                  + x * (1.893667e-5 + y * (9.31922e-6 + y * 4.92828e-5))))
     return half_sine * c * (1.0 + (1.0 - y) * bent)

@@ -19,7 +19,7 @@ from harness.scene.bitmaps import bitmap_texels
 from harness.scene.displaced import bounds
 from harness.scene.frame import seen
 from harness.scene.importance import mean_radiance
-from harness.scene.model import RGB, Checkerboard, EnvironmentMap, Procedural, Scene, Shape, Texture, peak
+from harness.scene.model import RGB, Checkerboard, EnvironmentMap, Procedural, Scene, Shape, Texture, is_black
 
 # Written out in the shader one by one; past this, compilers take minutes.
 MOST_LIGHTS = 256
@@ -47,8 +47,8 @@ def lights_sampled(scene: Scene, way: str) -> tuple[Light, ...]:
     """
     if way == "met":
         return ()
-    powers = {index: mean(shape.emission) @ LUMINANCE * area(shape)
-              for index, shape in enumerate(scene.shapes) if shape.emission is not None and max(peak(shape.emission)) > 0}
+    powers = {index: mean(shape.emission) @ LUMINANCE * area(shape) for index, shape in enumerate(scene.shapes)
+              if shape.emission is not None and not is_black(shape.emission)}
     if len(powers) > MOST_LIGHTS:
         raise HarnessError(f"scene '{scene.name}' has {len(powers)} lights; strategies that sample them take "
                            f"{MOST_LIGHTS} at most: use mixture, or join lights into fewer shapes")
@@ -86,9 +86,9 @@ def face_areas(shape: Shape) -> Sequence[float]:
 
 
 def reach(shape: Shape) -> float:
-    """The radius of the ball that a displaced sphere keeps within, in scene units."""
-    assert shape.displacement is not None
-    return float(np.cbrt(abs(np.linalg.det(shape.matrix[:3, :3])))) * bounds(shape.displacement).highest
+    """The radius of the ball that a sphere fills, or that a displaced one keeps within, in scene units."""
+    radius = float(np.cbrt(abs(np.linalg.det(shape.matrix[:3, :3]))))
+    return radius if shape.displacement is None else radius * bounds(shape.displacement).highest
 
 
 def mean(texture: Texture | None) -> np.ndarray:

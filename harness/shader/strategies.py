@@ -1,8 +1,8 @@
 """The strategies: how directions are drawn and how light is found; their names, and the scenes that each suits.
 
-A strategy is a draw of `DRAWS`, by which a path goes on, and one of three ways to light: to gather what the path meets,
-to sample a light at every vertex (`+nee`), or both, weighted against each other (`+mis`). `nee` and `mis` alone are those
-of `mixture`. To add a draw, give it a name here and a branch in glsl/lib/phong.glsl.
+A strategy is a draw of `DRAWS`, by which a path goes on, and one of three ways to light: to gather what the path
+meets, to sample a light at every vertex (`+nee`), or both, weighted against each other (`+mis`). `nee` and `mis` alone
+are those of `mixture`. To add a draw, give it a name here and a branch in glsl/lib/phong.glsl.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from harness.errors import HarnessError
+from harness.scene.lights import lights_sampled
 from harness.scene.model import Scene, is_black
 
 DRAWS = ("uniform", "cosine", "phong", "lobes", "mixture")
@@ -60,9 +61,8 @@ def parse_strategy(name: str) -> Strategy:
     if not plus and name not in DRAWS:
         draw, way = USUAL_DRAW, name
     lights, dash, heuristic = way.partition("-")
-    is_known = draw in DRAWS and (
-        not (plus or way) or (lights == "nee" and not dash) or (lights == "mis" and (not dash or heuristic in HEURISTICS)))
-    if not is_known:
+    is_way = {"": not plus and not dash, "nee": not dash, "mis": not dash or heuristic in HEURISTICS}.get(lights, False)
+    if draw not in DRAWS or not is_way:
         raise HarnessError(f"unknown strategy '{name}'; choose from {', '.join(STRATEGIES)}, a draw with +nee or +mis "
                            "(cosine+mis), or mis-balance, mis-power")
     if lights == "mis" and draw == "lobes":
@@ -81,5 +81,10 @@ def check_strategy(scene: Scene, name: str) -> Suited:
 
 
 def suitable_strategies(scene: Scene) -> tuple[str, ...]:
-    """The strategies that reach all light of the scene, in canonical order."""
-    return tuple(name for name in STRATEGIES if check_strategy(scene, name).suits)
+    """The strategies that reach all light of the scene, in canonical order.
+
+    `nee` and `mis` where there are lights to sample, and not a sky of one radiance alone: there `mis` is `mixture`, and
+    `nee` misses nothing but gains nothing.
+    """
+    names = STRATEGIES if lights_sampled(scene, "mis") else DRAWS
+    return tuple(name for name in names if check_strategy(scene, name).suits)

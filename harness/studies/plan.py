@@ -12,7 +12,7 @@ from harness.errors import HarnessError
 from harness.samples.estimate import Estimate
 from harness.scene import Scene, present
 from harness.scene.model import is_black
-from harness.shader.strategies import STRATEGIES, check_strategy
+from harness.shader.strategies import DRAWS, STRATEGIES, check_strategy, suitable_strategies
 from harness.stats.bias import error_scale
 from harness.stats.verdicts import Tolerance
 
@@ -57,7 +57,7 @@ class Plan:
 
 def exhibited_strategies(scene: Scene) -> tuple[str, ...]:
     """The strategies that a report shows: those that the scene names, else all that suit and, as a warning, lobe-only
-    sampling wherever a lobe is.
+    sampling wherever a lobe is; `nee` and `mis` where there are lights to sample, and not a sky of one radiance alone.
 
     HarnessError where the scene names an unknown one.
     """
@@ -70,7 +70,8 @@ def exhibited_strategies(scene: Scene) -> tuple[str, ...]:
     if named:
         return named
     has_lobe = any(not is_black(shape.material.ks) for shape in scene.shapes)
-    return tuple(name for name in STRATEGIES if check_strategy(scene, name).suits or has_lobe)
+    suited = suitable_strategies(scene)
+    return tuple(name for name in STRATEGIES if name in suited or (name in DRAWS and has_lobe))
 
 
 def judged(scenes: Sequence[Scene]) -> int:

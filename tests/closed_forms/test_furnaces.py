@@ -15,7 +15,7 @@ from harness.gpu.renderer import TracerRenderer
 from harness.samples.estimate import Batch, Estimate, merge
 from harness.scene import Camera, Material, Scene, Shape, load_scene
 from harness.scene.model import RGB, Checkerboard, Procedural, Varying
-from harness.shader.strategies import STRATEGIES, suitable_strategies
+from harness.shader.strategies import STRATEGIES, check_strategy
 
 SCENES = Path(__file__).parents[2] / "mitsuba_scenes"
 BATCHES = 16
@@ -142,7 +142,7 @@ COATED = dataclasses.replace(PLATES, shapes=tuple(
     for shape in PLATES.shapes))
 # Relative standard errors per strategy for exponents 1, 10, 100, 300: uniform sampling seldom finds a narrow lobe.
 RESOLUTION = {"uniform": (1e-3, 3e-3, 0.01, 0.04), "cosine": (1e-3, 2e-3, 0.01, 0.03), "phong": (1e-3,) * 4,
-              "lobes": (2e-3,) * 4, "mixture": (2e-3,) * 4}
+              "lobes": (2e-3,) * 4, "mixture": (2e-3,) * 4, "nee": (1e-3, 2e-3, 0.01, 0.03), "mis": (2e-3,) * 4}
 
 
 @pytest.mark.parametrize(("scene", "strategy"), [
@@ -155,7 +155,7 @@ def test_a_lobe_at_normal_incidence_reflects_its_albedo(scene: str, strategy: st
     The handout's π² for 2π in the pdf would show as +57 %, one power of α too many as a factor of α.
     """
     plates = {"plates": PLATES, "coated": COATED}[scene]
-    assert strategy in suitable_strategies(plates)
+    assert check_strategy(plates, strategy).suits
     x, y, half = film_plane(plates)
     margin = 400 * half
     for shape, resolution in zip(plates.shapes, RESOLUTION[strategy], strict=True):

@@ -17,7 +17,7 @@ from harness.gpu.context import device
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest
 from harness.scene import Camera, Material, Scene, Shape, load_scene
-from harness.shader.strategies import STRATEGIES, check_strategy, suitable_strategies
+from harness.shader.strategies import DRAWS, STRATEGIES, check_strategy, suitable_strategies
 from tests.support.tracer import TracerRenderer, library, tracer_source
 
 SCENES = Path(__file__).parents[2] / "mitsuba_scenes"
@@ -266,8 +266,8 @@ def test_strategies_are_judged() -> None:
     with pytest.raises(HarnessError, match=f"unknown strategy 'best'; choose from {', '.join(STRATEGIES)}"):
         check_strategy(sky(), "best")
     lobes_only = load_scene(SCENES / "furnace_phong.xml")
-    assert suitable_strategies(lobes_only) == STRATEGIES
-    assert suitable_strategies(busy()) == ("uniform", "cosine", "lobes", "mixture")
+    assert suitable_strategies(lobes_only) == DRAWS
+    assert suitable_strategies(busy()) == ("uniform", "cosine", "lobes", "mixture", "nee", "mis")
     judged = check_strategy(busy(), "phong")
     assert not judged.suits and "kd > 0" in judged.warning
     assert check_strategy(busy(), "mixture").warning == ""

@@ -18,7 +18,7 @@ from harness.shader.library import OURS
 from harness.shader.scene.chunk import scene_chunk
 from harness.shader.scene.geometry import geometric_normal
 from harness.shader.scene.materials import glossy_probability
-from harness.shader.strategies import STRATEGIES
+from harness.shader.strategies import STRATEGIES, parse_strategy
 
 SCENES = sorted((Path(__file__).parents[2] / "mitsuba_scenes").glob("*.xml"))
 IDENTITY = tuple(map(tuple, np.eye(4)))
@@ -126,7 +126,7 @@ def test_every_scene_compiles_for_every_strategy(path: Path) -> None:
     """Suitable or not: an unsuitable strategy is warned of, never a compile error."""
     for strategy in STRATEGIES:
         source = OURS.tracer(load_scene(path), strategy)
-        assert f"#define STRATEGY STRATEGY_{strategy.upper()}" in source.text
+        assert f"#define STRATEGY STRATEGY_{parse_strategy(strategy).draw.upper()}" in source.text
         Program(source).release()
 
 

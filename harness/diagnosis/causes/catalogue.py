@@ -18,7 +18,7 @@ from typing import Any
 from harness.errors import HarnessError
 from harness.scene.footprint import Footprint
 from harness.shader.library import OURS, Library
-from harness.shader.strategies import STRATEGIES
+from harness.shader.strategies import DRAWS
 
 FOLDER = Path(__file__).parent / "defects"
 LINES = Path(__file__).parent / "lines.toml"
@@ -158,6 +158,6 @@ def _pictures(part: Mapping[str, Any], where: str) -> Sequence[Picture]:
             raise HarnessError(f"{where}: the replacement of '{name}' must be a text, and another than the line itself")
     strategies = part.get("strategies", ["mixture"])
     for strategy in strategies:
-        if strategy not in STRATEGIES:
-            raise HarnessError(f"{where}: unknown strategy '{strategy}'; choose from {', '.join(STRATEGIES)}")
+        if strategy not in DRAWS:
+            raise HarnessError(f"{where}: unknown strategy '{strategy}'; choose from {', '.join(DRAWS)}")
     return [Picture(strategy, tuple(edits.items())) for strategy in strategies]

@@ -1,7 +1,7 @@
 """GLSL for the lights of a scene as something to sample: which one, a direction towards it, and its density.
 
-What lib/path.glsl expects where LIGHTS is not 0: choose_light, sample_light, light_radiance, and for multiple importance
-sampling met_light_pdf and environment_light_pdf. The shapes' formulas stand in lib/lights.glsl.
+What lib/path.glsl expects where LIGHTS is not 0: choose_light, sample_light, light_radiance, and for multiple
+importance sampling met_light_pdf and environment_light_pdf. The shapes' formulas stand in lib/lights.glsl.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from harness.shader.scene.literals import chosen, function, is_any, number, vect
 from harness.shader.scene.motion import Motions
 from harness.shader.scene.procedural import lanes
 from harness.shader.scene.textures import uv_users
-from harness.shader.strategies import HEURISTICS, LIGHTS, Strategy
+from harness.shader.strategies import LIGHTS, Strategy
 
 # Shapes that are met from inside in every direction, where they shine inwards.
 CLOSED = ("sphere", "cube")
@@ -43,9 +43,9 @@ def light_functions(scene: Scene, strategy: Strategy, motions: Motions) -> list[
         return []
     shapes = {light.shape: scene.shapes[light.shape] for light in lights if light.shape != ENVIRONMENT}
     has_sky = any(light.shape == ENVIRONMENT for light in lights)
-    has_map = has_sky and isinstance(scene.environment, EnvironmentMap)
+    map_ = scene.environment if has_sky and isinstance(scene.environment, EnvironmentMap) else None
     parts = ['#include "lib/lights.glsl"', '#include "lib/mis.glsl"', "",
-             *(sampling_functions(scene.environment) if has_map else []), *_choice(lights),
+             *(sampling_functions(map_) if map_ else []), *_choice(lights),
              *_sampling(scene, shapes, motions, has_sky=has_sky), *_radiance(scene, shapes, motions)]
     return [*parts, *_densities(lights, shapes, motions)] if strategy.lights == "mis" else parts
 
@@ -109,9 +109,10 @@ def _densities(lights: Sequence[Light], shapes: Mapping[int, Shape], motions: Mo
         for way, some in _ways(shapes).items():
             body += [f"if ({is_any(list(some))}) {{", *(f"    {line}" for line in _placed(some, way)),
                      f"    pdf = {_CALLS[way][1]};", "}"]
-        parts += ["// The density, per steradian, with which a vertex at o samples the direction of a ray that has met the",
-                  "// shape `id` at the distance t, with the cosine `facing`; 0 where that is no light.",
-                  *function("float met_light_pdf(int id, vec3 o, float t, float facing)", [*body, "return chance * pdf;"])]
+        parts += ["// The density, per steradian, with which a vertex at o samples the direction of a ray that has met",
+                  "// the shape `id` at the distance t, with the cosine `facing`; 0 where that is no light.",
+                  *function("float met_light_pdf(int id, vec3 o, float t, float facing)",
+                            [*body, "return chance * pdf;"])]
     if ENVIRONMENT in chances:
         parts += ["// And that of a direction in which a ray has escaped.",
                   *function("float environment_light_pdf(vec3 d)",
@@ -152,36 +153,35 @@ _CALLS = {
 }
 
 
-def _placed(shapes: Mapping[int, Shape], kind: str) -> list[str]:
+# What those calls take of a shape besides `at` and `q`, o in the shape's own space, as type, name and literal.
+_Choice = tuple[str, str, Callable[[Shape], str]]
+_BALL: tuple[_Choice, ...] = (("vec4", "ball", lambda s: vector((*s.matrix[:3, 3], reach(s)**2))),)
+_ROWS: tuple[_Choice, ...] = (("vec4", "row_x", lambda s: _row(s, 0)), ("vec4", "row_y", lambda s: _row(s, 1)),
+                              ("vec4", "row_z", lambda s: _row(s, 2)))
+_MIDDLE: _Choice = ("vec3", "middle", lambda s: vector(s.matrix[:3, 3]))
+_AXES: _Choice = ("mat3", "axes", lambda s: f"mat3({', '.join(vector(column) for column in s.matrix[:3, :3].T)})")
+_FLAT: tuple[_Choice, ...] = (_MIDDLE, ("vec3", "edge_x", lambda s: vector(s.matrix[:3, 0])),
+                              ("vec3", "edge_y", lambda s: vector(s.matrix[:3, 1])),
+                              ("vec3", "front", lambda s: vector(geometric_normal(s))),
+                              ("float", "area", lambda s: number(area(s))))
+_TAKEN: dict[str, tuple[_Choice, ...]] = {
+    "ball": _BALL, "around a ball": _BALL, "around a cube": _ROWS, "rectangle": _FLAT, "disk": _FLAT,
+    "cube": (*_ROWS, _MIDDLE, _AXES, ("vec3", "areas", lambda s: vector(face_areas(s))),
+             ("vec3", "sizes", lambda s: vector(1 / np.linalg.norm(np.linalg.inv(s.matrix)[:3, :3], axis=1)))),
+    "cylinder": (*_ROWS, _MIDDLE, _AXES, ("float", "radius", lambda s: number(float(np.linalg.norm(s.matrix[:3, 0])))),
+                 ("float", "half_area", lambda s: number(area(s) / (2 * np.pi))),
+                 ("float", "side", lambda s: "-1.0" if s.flip_normals else "1.0")),
+}
+_IN_OBJECT = "vec3 q = vec3(dot(row_x, vec4(at, 1.0)), dot(row_y, vec4(at, 1.0)), dot(row_z, vec4(at, 1.0)));"
+
+
+def _placed(shapes: Mapping[int, Shape], way: str) -> list[str]:
     """Statements that declare what the calls take of the shape `id`."""
-    def choose(type_: str, name: str, value: Callable[[Shape], str]) -> list[str]:
-        return chosen(type_, name, {index: value(shape) for index, shape in shapes.items()})
-
     lines: list[str] = []
-    if kind in ("ball", "around a ball"):
-        return choose("vec4", "ball", lambda s: vector((*s.matrix[:3, 3], _radius(s)**2)))
-    if kind in ("cube", "cylinder", "around a cube"):
-        for axis, letter in enumerate("xyz"):
-            lines += choose("vec4", f"row_{letter}", lambda s, axis=axis: vector(np.linalg.inv(s.matrix)[axis]))
-        lines.append("vec3 q = vec3(dot(row_x.xyz, at) + row_x.w, dot(row_y.xyz, at) + row_y.w, dot(row_z.xyz, at) + row_z.w);")
-    if kind == "around a cube":
-        return lines
-    lines += choose("vec3", "middle", lambda s: vector(s.matrix[:3, 3]))
-    if kind in ("rectangle", "disk"):
-        lines += choose("vec3", "edge_x", lambda s: vector(s.matrix[:3, 0]))
-        lines += choose("vec3", "edge_y", lambda s: vector(s.matrix[:3, 1]))
-        lines += choose("vec3", "front", lambda s: vector(geometric_normal(s)))
-        return [*lines, *choose("float", "area", lambda s: number(area(s)))]
-    lines += choose("mat3", "axes", lambda s: f"mat3({', '.join(vector(column) for column in s.matrix[:3, :3].T)})")
-    if kind == "cube":
-        lines += choose("vec3", "areas", lambda s: vector(face_areas(s)))
-        return [*lines, *choose("vec3", "sizes", lambda s: vector(1 / np.linalg.norm(np.linalg.inv(s.matrix)[:3, :3], axis=1)))]
-    lines += choose("float", "radius", lambda s: number(np.linalg.norm(s.matrix[:3, 0])))
-    lines += choose("float", "half_area", lambda s: number(area(s) / (2 * np.pi)))
-    return [*lines, *choose("float", "side", lambda s: "-1.0" if s.flip_normals else "1.0")]
+    for kind, name, literal in _TAKEN[way]:
+        lines += chosen(kind, name, {index: literal(shape) for index, shape in shapes.items()})
+    return [*lines, _IN_OBJECT] if _ROWS[0] in _TAKEN[way] else lines
 
 
-def _radius(shape: Shape) -> float:
-    if shape.kind == "displacedsphere":
-        return reach(shape)
-    return float(np.cbrt(abs(np.linalg.det(shape.matrix[:3, :3]))))
+def _row(shape: Shape, axis: int) -> str:
+    return vector(np.linalg.inv(shape.matrix)[axis])
