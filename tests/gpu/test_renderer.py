@@ -267,7 +267,7 @@ def test_strategies_are_judged() -> None:
         check_strategy(sky(), "best")
     lobes_only = load_scene(SCENES / "furnace_phong.xml")
     assert suitable_strategies(lobes_only) == DRAWS
-    assert suitable_strategies(busy()) == ("uniform", "cosine", "lobes", "mixture", "nee", "mis")
+    assert suitable_strategies(busy()) == ("uniform", "cosine", "lobes", "mixture")
     judged = check_strategy(busy(), "phong")
     assert not judged.suits and "kd > 0" in judged.warning
     assert check_strategy(busy(), "mixture").warning == ""
