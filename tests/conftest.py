@@ -10,6 +10,11 @@ from pathlib import Path
 
 import pytest
 
+# Where Python may not write bytecode (containers often say so), each of hundreds of processes that tests start would
+# compile our modules anew, and every run rewrite all assertions: 15 s of CPU time a worker. `make clean` removes it.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 RunHarness = Callable[..., subprocess.CompletedProcess[str]]
 
 

@@ -52,23 +52,24 @@ def check_shader(shader: Shader, scene: SceneFile | None = None, *, size: tuple[
     require_known(read)
     if scene is not None:
         shader.check(scene)
-    with Process(shader.limits) as process, progress(None, f"{shader.name} experiments"):
-        found = experiment(read, process, size or SIZE)
-    if scene is None:
-        return Checked(found)
-    if hopeless := _hopeless(found):
-        return Checked(found, hopeless=hopeless)
-    shader = replace(shader, contract=found.contract)
-    judged = judge_stranger(shader, scene, store=store, budget=budget, tolerance=tolerance, encoding=found.encoding,
-                            spp=spp, progress=progress)
-    if not causes or judged.outcome != "fail" or judged.transform:
-        return Checked(found, judged)
-    diagnosis = diagnose(judged.scene, *judged.compared, store=store, progress=progress,
-                         besides=judged.view.spread.defect if judged.view.spread else None)
-    with progress(None, f"{shader.name} repairs"):
-        proof = repaired(shader, diagnosis, scene, store=store, budget=budget, tolerance=tolerance, spp=spp,
-                         view=judged.view)
-    return Checked(found, judged, diagnosis, proof)
+    with Process(shader.limits) as process:
+        with progress(None, f"{shader.name} experiments"):
+            found = experiment(read, process, size or SIZE)
+        if scene is None:
+            return Checked(found)
+        if hopeless := _hopeless(found):
+            return Checked(found, hopeless=hopeless)
+        shader = replace(shader, contract=found.contract)
+        judged = judge_stranger(shader, scene, store=store, budget=budget, tolerance=tolerance, encoding=found.encoding,
+                                spp=spp, process=process, progress=progress)
+        if not causes or judged.outcome != "fail" or judged.transform:
+            return Checked(found, judged)
+        diagnosis = diagnose(judged.scene, *judged.compared, store=store, progress=progress,
+                             besides=judged.view.spread.defect if judged.view.spread else None)
+        with progress(None, f"{shader.name} repairs"):
+            proof = repaired(shader, diagnosis, scene, store=store, budget=budget, tolerance=tolerance, spp=spp,
+                             view=judged.view, process=process)
+        return Checked(found, judged, diagnosis, proof)
 
 
 def _hopeless(found: Findings) -> str:

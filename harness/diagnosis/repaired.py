@@ -17,6 +17,7 @@ from harness.estimators.shader import Shader
 from harness.samples.store import Store
 from harness.scene import SceneFile
 from harness.shader.hosts.shadertoy import exported
+from harness.strangers.process import Process
 
 # Files whose lines are the author's lines; in a JSON export they are escaped, and taken out of it; of a pipeline, no.
 TEXTS = (".glsl", ".frag", ".fs", ".fsh", ".html", ".htm", ".js", ".vue")
@@ -46,7 +47,7 @@ class Repaired:
 
 def repaired(shader: Shader, diagnosis: Diagnosis, scene: SceneFile, *, store: Store | None = None,
              budget: float = 60.0, tolerance: float | None = None, spp: int | None = None,
-             view: View = USUAL) -> Repaired | None:
+             view: View = USUAL, process: Process | None = None) -> Repaired | None:
     """The first known repair of a likely cause with which the shader passes; None where none does. `view`: which
     way up it is and how its rays are spread about their pixels, which the repair leaves as it is.
 
@@ -63,7 +64,7 @@ def repaired(shader: Shader, diagnosis: Diagnosis, scene: SceneFile, *, store: S
                     return None
                 tried.add(repair.text)
                 judged = _judged(shader, one.root, one.file, one.whole(repair.text), scene, store=store, budget=budget,
-                                 tolerance=tolerance, spp=spp, view=view)
+                                 tolerance=tolerance, spp=spp, view=view, process=process)
                 if judged is not None and judged.outcome == "pass":
                     return Repaired(f"{one.name}:{repair.line}", repair.before, repair.after, repair.says, judged)
     return None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +31,7 @@ from harness.stats.levels import Looks
 from harness.stats.sequential import Looking
 from harness.stats.tiles import TileAccumulator, TileSamples, tile_means, tile_size
 from harness.stats.verdicts import BiasVerdict, Tolerance, bias_verdict
+from harness.strangers.process import Process
 from harness.strangers.single import Encoding
 from harness.work.run import Run, reference_run
 
@@ -108,32 +110,42 @@ def _is_right(verdict: BiasVerdict) -> bool:
 def judge_stranger(shader: Shader, scene: SceneFile, *, store: Store | None = None, budget: float = 60.0,
                    tolerance: float | None = None, encoding: Encoding = "", spp: int | None = None,
                    frames: int | None = None, transforms: bool = True, view: View | None = None,
-                   progress: Progress = quiet) -> Judged:
+                   process: Process | None = None, progress: Progress = quiet) -> Judged:
     """Hold a shader's single frames against Mitsuba's picture of the scene.
 
     `budget`: seconds for the shader's frames; the verdict is told as soon as it is certain. `encoding`: what the
     experiments found frames to be put through. `spp`: samples per pixel of the reference, enough for the film if None.
     `frames`: of each of its batches, instead of what fits into the budget. `transforms`: whether to ask what a picture
     that fails was put through, which way up it is and how its rays are spread about their pixels; `view`: what is known
-    of that: it is judged so, and nothing is asked. Raises as the estimators do.
+    of that: it is judged so, and nothing is asked. `process`: draws all of it, and goes on afterwards; one of its own
+    if None. Raises as the estimators do.
     """
+    # One for all that is drawn: to start it takes longer than many a batch.
+    with nullcontext(process) if process else Process(shader.limits) as held:
+        return _judged(shader, scene, held, store, budget, tolerance, encoding, spp, frames, transforms, view, progress)
+
+
+def _judged(shader: Shader, scene: SceneFile, process: Process, store: Store | None, budget: float,
+            tolerance: float | None, encoding: Encoding, spp: int | None, frames: int | None, transforms: bool,
+            view: View | None, progress: Progress) -> Judged:
+    """See `judge_stranger`."""
     allowed = tolerance_of(scene, tolerance)
     began = time.perf_counter()
-    with shader.open(scene) as renderer:  # first: it is the likelier to fail
+    with shader.open(scene, process) as renderer:  # first: it is the likelier to fail
         run = frames or _frames_of_a_batch(renderer, budget)
+        shader = replace(shader, run=run, contract=renderer.contract)  # whose law need not be measured again
     held = reference(scene, allowed, spp=spp, store=store, footprint=view.footprint if view else BOX,
                      progress=progress)
-    shader = replace(shader, run=run)
-    images, verdict = _drawn(shader, scene, held, allowed, budget, progress, view or USUAL)
+    images, verdict = _drawn(shader, process, scene, held, allowed, budget, progress, view or USUAL)
     transform, compared = "", (_estimate(images, run), held.run.estimate())
     if verdict.outcome == "fail" and transforms and view is None:
         # First what is done to each frame: of it no transform of the mean is the inverse.
-        transform = (_encoded(shader, scene, held, allowed, images, encoding)
+        transform = (_encoded(shader, process, scene, held, allowed, images, encoding)
                      or _transformed(images, run, scene, held, spp, store, progress))
         if not transform:
             view, seen = _view(images, run, scene, held, spp, store, progress)
             if not view.is_usual:  # judged once more, for what failed did so at the first look
-                again, usual = _drawn(shader, scene, replace(held, run=seen), allowed, budget, progress, view)
+                again, usual = _drawn(shader, process, scene, replace(held, run=seen), allowed, budget, progress, view)
                 compared = _estimate(again, run), seen.estimate()
                 if _is_right(usual):
                     parts = (view.turn, view.spread.defect.says if view.spread else "")
@@ -205,7 +217,7 @@ def _frames_of_a_batch(renderer: ShaderRenderer, budget: float) -> int:
     return int(np.clip(budget / (BATCHES * each), LEAST_RUN, MOST_RUN))
 
 
-def _drawn(shader: Shader, scene: SceneFile, held: Reference, tolerance: Tolerance, budget: float,
+def _drawn(shader: Shader, process: Process, scene: SceneFile, held: Reference, tolerance: Tolerance, budget: float,
            progress: Progress, view: View) -> tuple[np.ndarray, BiasVerdict]:
     """Batches of frames, (B, H, W, 3), and the verdict, at the look that decided. Where the budget ends before all
     looks the last verdict stands. `view`: how they are turned."""
@@ -214,7 +226,7 @@ def _drawn(shader: Shader, scene: SceneFile, held: Reference, tolerance: Toleran
     images: list[np.ndarray] = []
     began = time.perf_counter()
     truth = held.run.estimate().mean
-    with shader.open(scene) as renderer, progress(BATCHES * shader.run, shader.name) as advance:
+    with shader.open(scene, process) as renderer, progress(BATCHES * shader.run, shader.name) as advance:
         state = renderer.state()[..., None]  # what is no radiance is neither right nor wrong
         for look, count in enumerate(counts):
             while len(images) < count:
@@ -265,15 +277,15 @@ def _view(images: np.ndarray, run: int, scene: SceneFile, held: Reference, spp: 
     return view, _mitsuba(scene, held.integrator, spp, store, progress, view.footprint) if view.spread else held.run
 
 
-def _encoded(shader: Shader, scene: SceneFile, held: Reference, tolerance: Tolerance, images: np.ndarray,
-             found: Encoding) -> str:
+def _encoded(shader: Shader, process: Process, scene: SceneFile, held: Reference, tolerance: Tolerance,
+             images: np.ndarray, found: Encoding) -> str:
     """Frames that are encoded before they are averaged, decoded one by one."""
     if not found and images.mean(axis=0).max() > ENCODED_MAX:
         return ""
     names = {"gamma": "x^(1/2.2)", "sqrt": "a square root", "srgb": "sRGB"}
     tried: tuple[Encoding, ...] = (found,) if found else ("gamma", "sqrt", "srgb")
     for encoding in tried:
-        with replace(shader, encoding=encoding).open(scene) as renderer:
+        with replace(shader, encoding=encoding).open(scene, process) as renderer:
             decoded = np.stack([renderer.render_batch(k, 0, shader.run).mean for k in range(BATCHES // SHARES[1])])
         # No tile fails any more, and the mean does not either.
         if bias_verdict(samples_of(decoded.astype(np.float64), shader.run), held.run.tiles(), tolerance,

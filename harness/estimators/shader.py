@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -67,14 +67,15 @@ class Shader:
         return ""
 
     @contextmanager
-    def open(self, scene: SceneFile) -> Iterator[ShaderRenderer]:
-        """Compiles, and measures the law unless the contract has it. ShaderError where it does not compile or takes too
-        long, HarnessError for a size that is not the author's."""
+    def open(self, scene: SceneFile, process: Process | None = None) -> Iterator[ShaderRenderer]:
+        """Compiles, and measures the law unless the contract has it. `process`: draws it, and goes on afterwards; if
+        None one of its own, which ends. ShaderError where it does not compile or takes too long, HarnessError for a
+        size that is not the author's."""
         contract = self.read()
         require_size(contract, scene)
         film = scene.film
-        with Process(self.limits) as process:
-            yield ShaderRenderer(self, contract, (film.width, film.height), process)
+        with nullcontext(process) if process else Process(self.limits) as held:
+            yield ShaderRenderer(self, contract, (film.width, film.height), held)
 
 
 class ShaderRenderer:

@@ -12,6 +12,7 @@ from harness.estimators.shader import Shader
 from harness.samples.store import Store
 from harness.scene import SceneFile
 from harness.stats.verdicts import Tolerance
+from harness.strangers.process import Process
 from harness.work.run import Run
 from tests.support.ball import BRIGHT, COSINE_TWICE, SCENE, body, toy
 from tests.support.fakes import NoiseRenderer
@@ -56,10 +57,19 @@ def test_wrong_weights_fail_with_their_sign(folder: Path, light: str, sign: int)
     (body(side=-1.0), "mirrored.frag", "right but for left and right exchanged"),
     (toy(encoded="pow(s, vec3(1.0 / 2.2))"), "encoded.glsl", "each frame is encoded (x^(1/2.2))"),
 ])
-def test_what_is_no_physics_is_told_apart(folder: Path, text: str, name: str, says: str) -> None:
+def test_what_is_no_physics_is_told_apart(folder: Path, text: str, name: str, says: str,
+                                          monkeypatch: pytest.MonkeyPatch) -> None:
+    started, start = [], Process._start
+
+    def counted(process: Process) -> None:
+        started.append(process)
+        start(process)
+
+    monkeypatch.setattr(Process, "_start", counted)
     result = judged(folder, text, name)
     assert result.outcome == "fail"
     assert says in result.transform
+    assert len(started) == 1  # one child draws all of it, decoded frames too
 
 
 JITTER = "(pixel + vec2(rnd(), rnd()))"
