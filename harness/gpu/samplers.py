@@ -8,10 +8,10 @@ import numpy as np
 from harness.errors import HarnessError
 from harness.gpu.context import context
 from harness.scene.bitmaps import bitmap_texels, environment_texels
-from harness.scene.importance import alias_table, texel_density
+from harness.scene.importance import sampling_table, texel_density
 from harness.scene.model import EnvironmentMap, Scene
 from harness.shader.scene.bitmaps import images
-from harness.shader.scene.environment import SAMPLER, TABLE
+from harness.shader.scene.environment import COMPENSATED_TABLE, SAMPLER, drawn_by
 from harness.shader.source import ShaderSource
 
 
@@ -32,8 +32,8 @@ class Samplers:
         units = int(gl.info["GL_MAX_TEXTURE_IMAGE_UNITS"]) - 1  # one is the renderer's own
         bitmaps = images(scene.shapes)
         environment = scene.environment if isinstance(scene.environment, EnvironmentMap) else None
-        draws = environment is not None and source is not None and TABLE in source.text
-        if len(bitmaps) + (environment is not None) + draws > units:
+        table = drawn_by(source.text) if environment is not None and source is not None else None
+        if len(bitmaps) + (environment is not None) + (table is not None) > units:
             raise HarnessError(f"scene '{scene.name}' has {len(bitmaps)} bitmaps; this device reads {units} images at "
                                "most in one shader, the environment map and the table by which directions are drawn "
                                "from it among them")
@@ -44,14 +44,15 @@ class Samplers:
                 texture.filter = (mode, mode)
                 texture.repeat_x = texture.repeat_y = bitmap.wrap_mode == "repeat"
             if environment is not None:
-                alpha = texel_density(environment) if draws else 1.0
+                compensated = table == COMPENSATED_TABLE
+                alpha = texel_density(environment, compensated=compensated) if table else 1.0
                 texture = self._upload(SAMPLER, environment.path.name, environment_texels(environment), alpha)
                 texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
                 texture.repeat_x, texture.repeat_y = True, False
-            if environment is not None and draws:
-                table = alias_table(environment)
-                texture = self._upload(TABLE, environment.path.name, table[..., :3], table[..., 3])
-                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+                if table:
+                    bins = sampling_table(environment, compensated=compensated)
+                    texture = self._upload(table, environment.path.name, bins[..., :3], bins[..., 3])
+                    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         except BaseException:
             self.release()
             raise

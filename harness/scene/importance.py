@@ -2,22 +2,31 @@
 
 The radiance of a map is Σ L_ij T_ij over its texels (row i, column j), where the tent T_ij falls from 1 at the texel's
 centre to 0 at its neighbours' centres, linearly in both angles: that is what a bilinear lookup is. The density is the
-same sum, pdf(d) = Σ p_ij T_ij(d) per steradian, p_ij proportional to |L_ij|, the length of the texel's RGB. So:
+same sum, pdf(d) = Σ p_ij T_ij(d) per steradian, p_ij proportional to |L_ij|, the length of the texel's RGB, to within a
+few percent. So:
 
 - the pdf at d is one bilinear lookup at the place of the radiance, and is kept in the alpha of the image: who reads the
   radiance has read the pdf;
 - it is above zero wherever the radiance is, has no steps, and is finite at the poles;
 - it integrates to 1 exactly, with the closed-form integrals of tents, in which sin θ is;
-- a draw picks a texel with probability p_ij ∫ T_ij, and then a direction with density T_ij / ∫ T_ij: an alias table and
-  a closed form (glsl/lib/environment.glsl).
+- a draw picks a texel with probability p_ij ∫ T_ij, and then a direction with density T_ij / ∫ T_ij, in closed form
+  (glsl/lib/environment.glsl).
 
 By |L| and not by luminance, since that is what makes the sum of the channels' variances smallest, and a blue lamp is
 drawn like a green one.
+
+A texel is picked in three lookups. The rows are cut into bands of about the same probability, each band into blocks:
+these two are looked up in tables of BINS bins, where bins hold one band, one block each; that is why probabilities are
+rounded to whole bins. The texel of a block is drawn by an alias table. Bands and blocks keep what points of low
+discrepancy have: with an alias table of the whole map alone their error was 2.5 to 4 times as large, with independent
+numbers the same, and the lookups took llvmpipe 8 ns less, of 40 to 140 that an iteration with two directions took. An
+inverse CDF by binary search keeps no more up to 64 samples and took 50 to 220 ns more, a quadtree 10 to 100.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +35,11 @@ from harness.errors import HarnessError
 from harness.scene.bitmaps import environment_texels
 from harness.scene.model import RGB, EnvironmentMap, as_matrix
 
+# Bands of a map, and blocks of a band, at most: each has that part of the probability at least, or is a single row or
+# column. More of them gain nothing with less than 1000 samples.
+STRATA = 32
+# Into how many bins the probability of the map is cut, and that of each band; a power of two, for exact arithmetic.
+BINS = 512
 # Maps whose tables are kept: at most four float32 a texel and array.
 _KEPT = 4
 
@@ -60,26 +74,28 @@ def tent_integrals(rows: int, columns: int) -> np.ndarray:
     return np.asarray(of_row * 2 * np.pi / columns)
 
 
-def texel_density(environment: EnvironmentMap) -> np.ndarray:
+def texel_density(environment: EnvironmentMap, *, compensated: bool = False) -> np.ndarray:
     """p_ij, per steradian, (rows, columns) float64, read-only: what is interpolated bilinearly, as the radiance is.
 
     HarnessError for a black map; SceneError where the file changed since the scene was loaded.
     """
-    return _prepared(environment)[0]
+    return _prepared(environment, compensated)[0]
 
 
-def alias_table(environment: EnvironmentMap) -> np.ndarray:
-    """(rows, columns, 4) float32, read-only, one bin a texel: a share, and the column and the row of another texel.
+def sampling_table(environment: EnvironmentMap, *, compensated: bool = False) -> np.ndarray:
+    """What GLSL picks a texel by: (rows + 1 + bands, at least BINS and columns, 4) float32, read-only.
 
-    Bins are equally likely; a bin's own texel is meant in that share of it, and the other in the rest. Errors as
-    `texel_density`.
+    A texel at (row, column): its bin of its block's alias table, whose bins are equally likely: in a share x of it that
+    texel is meant, in the rest the one at column y, row z. Row `rows`: by bin, a band, as (its first bin + BINS · its
+    number, how many bins it has, its first row, its rows). Row `rows` + 1 + band: by bin, a block, as (its first bin,
+    its bins, its first column, its columns). Errors as `texel_density`.
     """
-    return _prepared(environment)[1]
+    return _prepared(environment, compensated)[1]
 
 
-def pdf(environment: EnvironmentMap, directions: np.ndarray) -> np.ndarray:
+def pdf(environment: EnvironmentMap, directions: np.ndarray, *, compensated: bool = False) -> np.ndarray:
     """The density per steradian at unit directions of the scene (N, 3), in float64, (N,). Errors as `texel_density`."""
-    density = texel_density(environment)
+    density = texel_density(environment, compensated=compensated)
     rows, columns = density.shape
     local = np.asarray(directions, dtype=np.float64) @ np.array(environment.to_world)[:3, :3]
     x = np.arctan2(local[:, 0], -local[:, 2]) / (2 * np.pi) * columns - 0.5
@@ -93,7 +109,8 @@ def pdf(environment: EnvironmentMap, directions: np.ndarray) -> np.ndarray:
 
 
 def sweep(probabilities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """An alias table of probabilities (N,) that sum to 1: shares (N,) and aliases (N,), as `alias_table` has them.
+    """An alias table of probabilities (N,) that sum to 1: the share in which each of N equally likely bins means its
+    own outcome, and the other that it means in the rest.
 
     Walker 1974, "New fast method for generating discrete random numbers with arbitrary frequency distributions", built
     by the sweep of Hübschle-Schneider & Sanders 2022, "Parallel Weighted Random Sampling", section 4: bins with less
@@ -117,32 +134,73 @@ def sweep(probabilities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return shares, aliases
 
 
-def _prepared(environment: EnvironmentMap) -> tuple[np.ndarray, np.ndarray]:
+def runs(probabilities: np.ndarray, most: int) -> np.ndarray:
+    """Where runs of neighbours begin and the last ends, (R + 1,): at most `most` of them, as even as can be; each has a
+    part of 1 / most of the probability (N,) at least."""
+    total = np.concatenate([[0.0], np.cumsum(probabilities)])
+    least = total[-1] / most * (1 - 1e-9)  # or the last of equal ones may miss it by rounding
+    ends = [0]
+    while total[-1] - total[ends[-1]] >= least:
+        ends.append(min(int(np.searchsorted(total, total[ends[-1]] + least)), len(probabilities)))
+    ends[-1] = len(probabilities)  # what is left over joins the last
+    return np.array(ends)
+
+
+def whole_bins(probabilities: np.ndarray) -> np.ndarray:
+    """BINS bins shared out among runs by their probabilities (R,), by largest remainder."""
+    parts = probabilities / probabilities.sum() * BINS
+    bins = np.floor(parts).astype(int)
+    bins[np.argsort(bins - parts, kind="stable")[:BINS - bins.sum()]] += 1
+    return bins
+
+
+def _prepared(environment: EnvironmentMap, compensated: bool) -> tuple[np.ndarray, np.ndarray]:
     """The density and the table, made once for each image."""
     if environment.scale == 0:
         raise HarnessError(_black(environment.path.name))
     # The scale and the place in the world change neither.
-    return _tables(replace(environment, scale=1.0, to_world=as_matrix(np.eye(4))))
+    return _tables(replace(environment, scale=1.0, to_world=as_matrix(np.eye(4))), compensated)
 
 
 @functools.lru_cache(maxsize=_KEPT)
-def _tables(environment: EnvironmentMap) -> tuple[np.ndarray, np.ndarray]:
-    texels = environment_texels(environment).astype(np.float64)
-    rows, columns = texels.shape[:2]
-    size = np.linalg.norm(texels, axis=2)
-    weights = size * tent_integrals(rows, columns)[:, None]
-    total = weights.sum()
-    if total == 0:
+def _tables(environment: EnvironmentMap, compensated: bool) -> tuple[np.ndarray, np.ndarray]:
+    size = np.linalg.norm(environment_texels(environment).astype(np.float64), axis=2)
+    rows, columns = size.shape
+    integrals = tent_integrals(rows, columns)[:, None]
+    if compensated:
+        size = _compensated(size, integrals)
+    weights = size * integrals
+    if weights.sum() == 0:
         raise HarnessError(_black(environment.path.name))
-    density = size / total
-    shares, aliases = sweep((weights / total).ravel())
-    table = np.zeros((rows, columns, 4), dtype=np.float32)
-    table[..., 0] = shares.reshape(rows, columns)
-    table[..., 1] = (aliases % columns).reshape(rows, columns)
-    table[..., 2] = (aliases // columns).reshape(rows, columns)
+    bands = runs(weights.sum(axis=1), STRATA)
+    bins_of_bands = whole_bins(np.add.reduceat(weights.sum(axis=1), bands[:-1]))
+    table = np.zeros((rows + len(bands), max(columns, BINS), 4))
+    probability = np.zeros_like(weights)
+    for number, (top, bottom) in enumerate(itertools.pairwise(bands)):
+        first, count = bins_of_bands[:number].sum(), bins_of_bands[number]
+        table[rows, first:first + count] = first + BINS * number, count, top, bottom - top
+        of_columns = weights[top:bottom].sum(axis=0)
+        blocks = runs(of_columns, STRATA)
+        bins_of_blocks = whole_bins(np.add.reduceat(of_columns, blocks[:-1]))
+        first = 0
+        for (left, right), bins in zip(itertools.pairwise(blocks), bins_of_blocks, strict=True):
+            table[rows + 1 + number, first:first + bins] = first, bins, left, right - left
+            first += bins
+            block = weights[top:bottom, left:right]
+            share, alias = sweep((block / block.sum()).ravel())
+            place = np.stack([share, left + alias % (right - left), top + alias // (right - left)], axis=-1)
+            table[top:bottom, left:right, :3] = place.reshape(*block.shape, 3)
+            probability[top:bottom, left:right] = block / block.sum() * (count / BINS) * (bins / BINS)
+    density, table = probability / integrals, table.astype(np.float32)
     for array in (density, table):
         array.setflags(write=False)
     return density, table
+
+
+def _compensated(size: np.ndarray, integrals: np.ndarray) -> np.ndarray:
+    """What is above the mean over the sphere; all where nothing is."""
+    above = np.maximum(size - (size * integrals).sum() / (4 * np.pi), 0)
+    return above if above.any() else size
 
 
 def _black(name: str) -> str:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
-from harness.scene.importance import alias_table
+from harness.scene.importance import sampling_table, texel_density
 from harness.scene.model import RGB, EnvironmentMap
 from harness.shader.scene.literals import function, in_comment, number, vector
 
-# The sampler that holds an environment map, and the one by whose table directions are drawn from it.
+# The sampler that holds an environment map, and those by whose table directions are drawn from it, of which a shader
+# has one: for all of its light, or compensated for what else draws directions.
 SAMPLER = "environment_map"
-TABLE = "environment_alias"
+TABLE, COMPENSATED_TABLE = "environment_table", "compensated_environment_table"
 
 
 def environment_function(environment: RGB | EnvironmentMap) -> list[str]:
@@ -29,18 +32,22 @@ def environment_function(environment: RGB | EnvironmentMap) -> list[str]:
     ]
 
 
-def sampling_functions(environment: EnvironmentMap) -> list[str]:
+def sampling_functions(environment: EnvironmentMap, *, compensated: bool = False) -> list[str]:
     """`sample_environment` and `pdf_environment`, to stand behind `environment`: a direction drawn from the map.
 
-    The pdf is the alpha of the texel that `environment` reads, and costs nothing beside it. HarnessError for a black
-    map, SceneError where its file changed: see `harness.scene.importance`.
+    The pdf is the alpha of the texel that `environment` reads, and costs nothing beside it. `compensated`: only what
+    is brighter than the mean is drawn, so the pdf is zero for much of the light, which the BSDF has to find.
+    HarnessError for a black map, SceneError where its file changed: see `harness.scene.importance`.
     """
-    rows, columns = alias_table(environment).shape[:2]
+    rows, columns = texel_density(environment, compensated=compensated).shape
+    table_rows, table_columns = sampling_table(environment, compensated=compensated).shape[:2]
     rotation = np.array(environment.to_world)[:3, :3]
-    drawn = f"sample_environment_texel({TABLE}, {vector((columns, rows))}, pick, u)"
+    name = COMPENSATED_TABLE if compensated else TABLE
+    drawn = f"sample_environment_texel({name}, {vector((columns, rows, table_columns, table_rows))}, pick, u)"
     return [
-        f"// The alias table of {in_comment(environment.path.name)}, whose alpha is then the pdf; filter nearest.",
-        f"uniform sampler2D {TABLE};",
+        f"// By which directions are drawn from {in_comment(environment.path.name)}, whose alpha is then their pdf; "
+        "filter nearest.",
+        f"uniform sampler2D {name};",
         "",
         "// Per steradian, for any unit direction d.",
         *function("float pdf_environment(vec3 d)", [f"return {_texel(environment)}.a;"]),
@@ -48,6 +55,11 @@ def sampling_functions(environment: EnvironmentMap) -> list[str]:
         *function("vec3 sample_environment(float pick, vec2 u, out float pdf)",
                   [f"vec3 d = {_turned(rotation.T, drawn)};", "pdf = pdf_environment(d);", "return d;"]),
     ]
+
+
+def drawn_by(text: str) -> str | None:
+    """The table by which a shader draws directions from its environment map; None where it draws none."""
+    return next((name for name in (COMPENSATED_TABLE, TABLE) if re.search(rf"\b{name}\b", text)), None)
 
 
 def _texel(environment: EnvironmentMap) -> str:
