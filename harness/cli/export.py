@@ -17,7 +17,7 @@ def export(
     scene: SceneArgument,
     host: Annotated[str, typer.Option("--host", help="gratin, shadertoy, glslviewer, webgl or glsl (any host of the "
                                       "ping-pong contract).")],
-    strategy: Annotated[str, typer.Option("--strategy", "-s", help="uniform, cosine, phong, lobes or mixture.")]
+    strategy: StrategyOption
     = "mixture",
     samples: Annotated[int, typer.Option("--samples", min=1, max=1024, help="Samples per pixel in each frame; fewer "
                                          "where paths are long.")] = 4,

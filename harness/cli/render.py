@@ -43,8 +43,7 @@ ReplicaOption = Annotated[int, typer.Option("--replica", min=0, max=2**31 - 1,
 
 def render(
     scene: SceneArgument,
-    strategy: Annotated[str, typer.Option("--strategy", "-s", help="uniform, cosine, phong, lobes, mixture, nee, mis, or a draw with +nee or +mis.")]
-    = "mixture",
+    strategy: StrategyOption = "mixture",
     spp: SppOption = 256,
     replica: ReplicaOption = 0,
     size: SizeOption = None,
