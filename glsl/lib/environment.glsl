@@ -67,7 +67,8 @@ vec2 place_in_run(float u, vec4 run)
 // A direction of the map's space, of density proportional to the alpha of environment_texel, an image of size.x columns
 // and size.y rows. `table`, filter nearest, has size.z columns and size.w rows. pick chooses a band of rows and a row in
 // it, u.x a block of columns and a column, u.y that texel or its alias; what is left of each moves the direction under
-// the tent of the texel. So well distributed numbers give well distributed directions.
+// the tent of the texel. So well distributed numbers give well distributed directions. At the very end of a tent the pdf
+// may be rounded to 0, where the radiance is 0 too: such a direction brings nothing.
 vec3 sample_environment_texel(sampler2D table, vec4 size, float pick, vec2 u)
 {
     vec4 band = textureLod(table, (vec2(floor(pick * ENVIRONMENT_BINS), size.y) + 0.5) / size.zw, 0.0);

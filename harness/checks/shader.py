@@ -15,7 +15,7 @@ import numpy as np
 from harness.checks.chi2 import Pdf, Sample
 from harness.checks.domains import Axis, Lobe
 from harness.checks.integral import quadrature
-from harness.gpu.probes import evaluate
+from harness.gpu.probes import Picture, evaluate
 from harness.shader.library import Library
 from harness.shader.strategies import DRAWS
 
@@ -27,7 +27,8 @@ class Probe(Protocol):
     """How `harness.gpu.probes.evaluate` is called."""
 
     def __call__(self, name: str, /, *inputs: np.ndarray, outputs: int = 1, uniforms: Mapping[str, Any] | None = None,
-                 defines: Mapping[str, object] | None = None) -> np.ndarray:
+                 defines: Mapping[str, object] | None = None,
+                 pictures: Mapping[str, Picture] | None = None) -> np.ndarray:
         """Outputs (N, 4 * outputs) of inputs (N, 4)."""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.api import estimate
 from harness.estimators.tracer import Tracer
-from harness.gpu.probes import evaluate
+from harness.gpu.probes import Picture, evaluate
 from harness.samples.estimate import Estimate
 from harness.samples.store import Store
 from harness.scene import Scene, SceneFile
@@ -29,9 +29,11 @@ class Variant:
         return estimate(Tracer(strategy, self.library), scene, spp, store=store)
 
     def probe(self, name: str, *inputs: np.ndarray, outputs: int = 1, uniforms: Mapping[str, Any] | None = None,
-              defines: Mapping[str, object] | None = None) -> np.ndarray:
+              defines: Mapping[str, object] | None = None,
+              pictures: Mapping[str, Picture] | None = None) -> np.ndarray:
         """`probes.evaluate` with these functions, as float64."""
-        found = evaluate(name, *inputs, outputs=outputs, uniforms=uniforms, defines=defines, library=self.library)
+        found = evaluate(name, *inputs, outputs=outputs, uniforms=uniforms, defines=defines, library=self.library,
+                         pictures=pictures)
         return found.astype(np.float64)
 
 
