@@ -8,7 +8,15 @@ from typing import Annotated
 
 import typer
 
-from harness.cli.options import DepthOption, SceneArgument, SetOption, SizeOption, open_scene, scene_file
+from harness.cli.options import (
+    DepthOption,
+    SceneArgument,
+    SetOption,
+    SizeOption,
+    StrategyOption,
+    open_scene,
+    scene_file,
+)
 from harness.cli.output import JsonOption, log, print_json
 from harness.errors import HarnessError
 
@@ -17,8 +25,7 @@ def export(
     scene: SceneArgument,
     host: Annotated[str, typer.Option("--host", help="gratin, shadertoy, glslviewer, webgl or glsl (any host of the "
                                       "ping-pong contract).")],
-    strategy: StrategyOption
-    = "mixture",
+    strategy: StrategyOption = "mixture",
     samples: Annotated[int, typer.Option("--samples", min=1, max=1024, help="Samples per pixel in each frame; fewer "
                                          "where paths are long.")] = 4,
     size: SizeOption = None,

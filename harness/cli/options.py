@@ -42,6 +42,8 @@ SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALU
                                                        "parameter of the scene; may be given several times.")]
 ExecutorOption = Annotated[str, typer.Option("--executor", help="Where samples are drawn: serial (in this process), or "
                                                  "processes.")]
+StrategyOption = Annotated[str, typer.Option("--strategy", "-s", help=(
+    "uniform, cosine, phong, lobes, mixture, nee, mis, or a draw with +nee or +mis."))]
 SppOption = Annotated[int, typer.Option("--spp", min=1, max=MAX_SPP, help="Samples per pixel.")]
 CacheOption = Annotated[bool, typer.Option("--cache/--no-cache", help="Keep batches on disk, and use those kept.")]
 DeviceOption = Annotated[int | None, typer.Option("--device", min=0, callback=lambda number: choose_device(number),

@@ -18,6 +18,7 @@ from harness.cli.options import (
     SetOption,
     SizeOption,
     SppOption,
+    StrategyOption,
     not_finite,
     open_scene,
     open_store,

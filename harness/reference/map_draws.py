@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.scene.importance import alias_table, texel_density
+from harness.scene.importance import BINS, sampling_table, texel_density
 from harness.scene.model import EnvironmentMap
 
 
@@ -21,30 +21,35 @@ class MapDraws:
 
     mi: Any
     environment: EnvironmentMap
+    compensated: bool = False
 
     def direction(self, pick: Any, a: Any, b: Any) -> Any:
         """A unit direction of numbers in [0, 1): mi.Vector3f."""
         mi = self.mi
         import drjit as dr
 
-        table = alias_table(self.environment)
-        rows, columns = table.shape[:2]
-        x, y = a * columns, pick * rows
-        column, row = (dr.minimum(dr.floor(at), size - 1) for at, size in ((x, columns), (y, rows)))
-        rest_x, rest_y = x - column, y - row
-        entry = mi.UInt32(row * columns + column)
-        share, other_column, other_row = (
-            dr.gather(mi.Float, mi.Float(np.ascontiguousarray(table[..., part]).ravel()), entry) for part in range(3))
-        own = rest_y < share
+        table = sampling_table(self.environment, compensated=self.compensated)
+        rows, columns = texel_density(self.environment, compensated=self.compensated).shape
+        entries = [mi.Float(np.ascontiguousarray(table[..., part]).ravel()) for part in range(4)]
+
+        def read(row: Any, column: Any) -> list[Any]:
+            at = mi.UInt32(row) * table.shape[1] + mi.UInt32(column)
+            return [dr.gather(mi.Float, values, at) for values in entries]
+
+        first, count, top, height = read(mi.Float(rows), dr.floor(pick * BINS))
+        band = dr.floor(first / BINS)
+        row, rest_y = _in_run(pick, first - BINS * band, count, top, height)
+        column, rest_x = _in_run(a, *read(rows + 1 + band, dr.floor(a * BINS)))
+        share, other_column, other_row, _ = read(row, column)
+        own = b < share
+        place = dr.select(own, b / share, (b - share) / (1.0 - share))
         column, row = dr.select(own, column, other_column), dr.select(own, row, other_row)
 
         side = 2.0 * rest_x - 1.0
         away = 1.0 - dr.sqrt(1.0 - dr.abs(side))
         phi = dr.two_pi * ((column + 0.5 + dr.select(side < 0, -away, away)) / columns)
-        zone = dr.floor(b * 4096.0)
-        place = b * 4096.0 - zone + 0.5 / 4096.0
         from_pole = dr.minimum(row, rows - 1.0 - row)
-        drop = _tent(mi, from_pole, rows, (zone + 0.5) / 4096.0, place)
+        drop = _tent(mi, from_pole, rows, rest_y, place)
         height, radius = 1.0 - 2.0 * drop, 2.0 * dr.sqrt(drop * (1.0 - drop))
         s, c = dr.sincos(phi)
         return self._matrix() @ mi.Vector3f(s * radius, dr.select(row == from_pole, height, -height), -c * radius)
@@ -54,7 +59,7 @@ class MapDraws:
         mi = self.mi
         import drjit as dr
 
-        texels = texel_density(self.environment)
+        texels = texel_density(self.environment, compensated=self.compensated)
         rows, columns = texels.shape
         values = mi.Float(texels.astype(np.float32).ravel())
         local = self._matrix().T @ direction
@@ -73,6 +78,15 @@ class MapDraws:
 
     def _matrix(self) -> Any:
         return self.mi.Matrix3f(np.array(self.environment.to_world)[:3, :3].tolist())
+
+
+def _in_run(u: Any, first: Any, count: Any, start: Any, size: Any) -> tuple[Any, Any]:
+    """The row or column of a run that a number means, and what is left of the number."""
+    import drjit as dr
+
+    at = (u * BINS - first) / count * size
+    index = dr.minimum(dr.floor(at), size - 1.0)
+    return start + index, at - index
 
 
 def _tent(mi: Any, row: Any, rows: int, zone: Any, place: Any) -> Any:
