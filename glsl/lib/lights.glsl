@@ -43,7 +43,8 @@ float pdf_area(float t, float facing, float area)
     return t * t / (area * facing);
 }
 
-// 1 - cos of the angle at which a ball of this centre and radius² is seen; 2, all directions, from inside.
+// 1 - cos of the angle at which a ball of this centre and radius² is seen; 2, all directions, from inside: something of it
+// may lie anywhere there.
 float ball_cap(vec3 o, vec3 center, float squared_radius)
 {
     vec3 way = center - o;
@@ -51,7 +52,7 @@ float ball_cap(vec3 o, vec3 center, float squared_radius)
     return squared_sine < 1.0 ? squared_sine / (1.0 + sqrt(1.0 - squared_sine)) : 2.0;
 }
 
-// Of a ball, what it covers. Small ones too: nothing cancels in 1 - cos.
+// Of what fills a ball, or lies in it, the directions that the ball covers. Small ones too: nothing cancels in 1 - cos.
 LightSample sample_ball(vec3 o, vec3 center, float squared_radius, vec2 u)
 {
     float cap = ball_cap(o, center, squared_radius);
@@ -64,6 +65,14 @@ LightSample sample_ball(vec3 o, vec3 center, float squared_radius, vec2 u)
 float pdf_ball(vec3 o, vec3 center, float squared_radius)
 {
     return INV_TWO_PI / ball_cap(o, center, squared_radius);
+}
+
+// Of a sphere, which shines outwards alone.
+LightSample sample_sphere(vec3 o, vec3 center, float squared_radius, vec2 u)
+{
+    LightSample found = sample_ball(o, center, squared_radius, u);
+    found.pdf = dot(center - o, center - o) > squared_radius ? found.pdf : 0.0;
+    return found;
 }
 
 // From inside a closed shape that shines inwards: every direction.

@@ -133,16 +133,15 @@ def _ways(shapes: Mapping[int, Shape]) -> dict[str, dict[int, Shape]]:
 
 
 def _way(shape: Shape) -> str:
-    if shape.kind == "displacedsphere":
-        return "ball"
     if shape.kind in CLOSED and shape.flip_normals:
         return "around a ball" if shape.kind == "sphere" else "around a cube"
-    return "ball" if shape.kind == "sphere" else shape.kind
+    return shape.kind
 
 
 # What samples each, and the density of a direction that met it.
 _CALLS = {
-    "ball": ("sample_ball(at, ball.xyz, ball.w, u)", "pdf_ball(at, ball.xyz, ball.w)"),
+    "sphere": ("sample_sphere(at, ball.xyz, ball.w, u)", "pdf_ball(at, ball.xyz, ball.w)"),
+    "displacedsphere": ("sample_ball(at, ball.xyz, ball.w, u)", "pdf_ball(at, ball.xyz, ball.w)"),
     "around a ball": ("sample_around(u, dot(at - ball.xyz, at - ball.xyz) < ball.w)", "INV_FOUR_PI"),
     "around a cube": ("sample_around(u, max(max(abs(q.x), abs(q.y)), abs(q.z)) < 1.0)", "INV_FOUR_PI"),
     "rectangle": ("sample_rectangle(at, middle, edge_x, edge_y, front, area, u)", "pdf_area(t, facing, area)"),
@@ -165,7 +164,8 @@ _FLAT: tuple[_Choice, ...] = (_MIDDLE, ("vec3", "edge_x", lambda s: vector(s.mat
                               ("vec3", "front", lambda s: vector(geometric_normal(s))),
                               ("float", "area", lambda s: number(area(s))))
 _TAKEN: dict[str, tuple[_Choice, ...]] = {
-    "ball": _BALL, "around a ball": _BALL, "around a cube": _ROWS, "rectangle": _FLAT, "disk": _FLAT,
+    "sphere": _BALL, "displacedsphere": _BALL, "around a ball": _BALL, "around a cube": _ROWS,
+    "rectangle": _FLAT, "disk": _FLAT,
     "cube": (*_ROWS, _MIDDLE, _AXES, ("vec3", "areas", lambda s: vector(face_areas(s))),
              ("vec3", "sizes", lambda s: vector(1 / np.linalg.norm(np.linalg.inv(s.matrix)[:3, :3], axis=1)))),
     "cylinder": (*_ROWS, _MIDDLE, _AXES, ("float", "radius", lambda s: number(float(np.linalg.norm(s.matrix[:3, 0])))),
