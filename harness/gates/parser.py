@@ -16,7 +16,8 @@ same, for gates whose reference is coupled) and, for each gate or for several st
     size         [width, height], the film's own if not given
     max_depth    vertices of a path at most, of the test and of Mitsuba's reference; the scene's own if not given
     reference    { spp } of Mitsuba for each replica, { file } (.exr), { value } (one colour for all pixels), or
-                 { coupled = true }: Mitsuba on the very paths of the strategy, by its own random numbers
+                 { coupled = true }: Mitsuba on the very paths of the strategy, by its own random numbers. Beside spp,
+                 sampler: one of Mitsuba's, such as "multijitter", which spreads the samples of each replica evenly
     agreement    of coupled gates: the share of samples that may differ by more than 0.1 % of themselves
     confidence   of the intervals that must lie within the tolerance
     not_finite   the share of samples that may be neither finite nor counted
@@ -55,7 +56,9 @@ from harness.gates.model import (
     Gate,
     GatesFile,
 )
+from harness.reference.prepare import INDEPENDENT
 from harness.scene.file import MAX_DEPTH_LIMIT, SceneFile
+from harness.scene.sensors import SAMPLERS
 from harness.shader.strategies import parse_strategy
 from harness.stats.agreement import SHARE
 from harness.stats.levels import family_level
@@ -251,20 +254,31 @@ def _size(table: _Table) -> tuple[int, int] | None:
 def _reference(table: _Table, test: Estimator) -> tuple[Estimator, int]:
     """What a gate is held against, and its samples per pixel for each replica of the test."""
     given = table.table("reference")
-    given.only("spp", "file", "value", "coupled")
-    if len(given.values) != 1:
+    given.only("spp", "sampler", "file", "value", "coupled")
+    kinds = given.values.keys() - {"sampler"}
+    if len(kinds) != 1 or (kinds != {"spp"} and "sampler" in given.values):
         raise table.error("reference", 'expected one of { spp = 32 }, { file = "truth.exr" }, { value = [1, 1, 1] }, '
                                        f"{{ coupled = true }}, found {len(given.values)} keys")
     if "coupled" in given.values:
         return _coupled(table, given, test), table.integer("spp", 1, MAX_SPP)
     if "spp" in given.values:
-        return Mitsuba(), given.integer("spp", 1, MAX_SPP)
+        return Mitsuba(sampler=_sampler(given)), given.integer("spp", 1, MAX_SPP)
     if "file" in given.values:
         return Images((given.existing("file", given.text("file")),)), 1
     value = given.values["value"]
     if not (isinstance(value, list) and len(value) == 3 and all(_is_number(v) and v >= 0 for v in value)):
         raise given.error("value", f"expected [red, green, blue], each zero or more, found {value}")
     return Constant((float(value[0]), float(value[1]), float(value[2]))), 1
+
+
+def _sampler(given: _Table) -> str:
+    """Whichever: verdicts go by replicas, which are independent of each other with all of them."""
+    if "sampler" not in given.values:
+        return INDEPENDENT
+    name = given.text("sampler")
+    if name not in SAMPLERS:
+        raise given.error("sampler", f"Mitsuba has no sampler '{name}'; choose from {', '.join(SAMPLERS)}")
+    return name
 
 
 def _coupled(table: _Table, given: _Table, test: Estimator) -> Coupled:

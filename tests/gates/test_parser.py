@@ -52,6 +52,10 @@ class TestMeaning:
         assert gate.not_finite == 0.0
         assert gate.origin == f"{tmp_path / 'gates.toml'}:1"
 
+    def test_samples_of_the_reference_may_be_spread_evenly(self, tmp_path: Path) -> None:
+        gate = one_gate(tmp_path, MINIMAL + 'reference = { spp = 36, sampler = "multijitter" }\n')
+        assert (gate.reference, gate.reference_spp) == (Mitsuba(sampler="multijitter"), 36)
+
     def test_a_list_of_strategies_makes_a_gate_of_each(self, tmp_path: Path) -> None:
         file = load_gates(write(tmp_path, MINIMAL.replace('"mixture"', '["uniform", "mixture"]')))
         assert {gate.name: gate.strategy for gate in file.gates} == {"a-uniform": "uniform", "a-mixture": "mixture"}
@@ -147,6 +151,9 @@ class TestRefusals:
         ("confidence = nan", 6, "'confidence' must be a number"),
         ("not_finite = 1", 6, "'not_finite' must be a number from 0 and below 1, found 1"),
         ("reference = { spp = 4, value = [1, 1, 1] }", 6, "expected one of { spp = 32 }, "),
+        ('reference = { spp = 4, sampler = "metropolis" }', 6, "Mitsuba has no sampler 'metropolis'; choose from i"),
+        ('reference = { sampler = "multijitter" }', 6, "expected one of { spp = 32 }, "),
+        ('reference = { value = [1, 1, 1], sampler = "multijitter" }', 6, "expected one of { spp = 32 }, "),
         ("reference = { value = [1, -1, 1] }", 6, "expected [red, green, blue], each zero or more, found [1, -1, 1]"),
         ('reference = { file = "typo.exr" }', 6, "no such file: 'typo.exr'"),
         ('shader = "typo.frag"', 6, "no such file: 'typo.frag'"),
