@@ -36,7 +36,7 @@ ONLY = {
     "stats": {"errors", "stats"},
     "samples": {"errors", "files", "samples"},
     "shader": {"errors", "files", "scene", "shader"},
-    "checks": {"checks", "errors", "gpu", "samples", "shader"},
+    "checks": {"checks", "errors", "gpu", "samples", "scene", "shader"},
     "gpu": {"errors", "files", "gpu", "samples", "scene", "shader"},
     "reference": {"errors", "files", "machine", "reference", "samples", "scene"},
     "report": {"errors", "files", "metrics", "report", "results", "samples", "scene", "stats", "studies"},

@@ -2,7 +2,6 @@
 #ifndef LIB_ENVIRONMENT
 #define LIB_ENVIRONMENT
 
-#include "lib/sampling.glsl"
 #include "lib/trigonometry.glsl"
 #include "lib/uv.glsl"
 
@@ -45,7 +44,7 @@ float sample_cap(float part, float widest, float half_sine)
 // No difference of nearly equal numbers is taken, so the rows next to the poles are as exact as any.
 float sample_tent(float row, float rows, float zone, float place)
 {
-    float angle = PI / (rows - 1.0);
+    float angle = 3.14159265358979 / (rows - 1.0);
     float half_sine = cos_sin(0.5 * angle).y;
     vec2 middle = cos_sin(0.5 * angle * row);
     bool on_pole = row < 0.5;
@@ -84,7 +83,7 @@ vec3 sample_environment_texel(sampler2D table, vec4 size, float pick, vec2 u)
 
     float side = 2.0 * column.y - 1.0;
     float away = 1.0 - sqrt(1.0 - abs(side));  // has the density 1 - away
-    float phi = 2.0 * PI * ((texel.x + 0.5 + (side < 0.0 ? -away : away)) / size.x);
+    float phi = 6.28318530717959 * ((texel.x + 0.5 + (side < 0.0 ? -away : away)) / size.x);
     float from_pole = min(texel.y, size.y - 1.0 - texel.y);
     float drop = sample_tent(from_pole, size.y, row.y, place);
     float height = 1.0 - 2.0 * drop;

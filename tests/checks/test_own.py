@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.checks import own, own_phong, own_random, own_sampling
+from harness.checks import own, own_environment, own_phong, own_random, own_sampling
 from harness.checks.finding import Finding
 from harness.checks.shader import probe_of
 from harness.errors import HarnessError, ShaderError
@@ -100,9 +100,24 @@ def test_a_brdf_that_is_another_is_found() -> None:
     assert own_phong.values(probe_of(OURS), 10.0).passed
 
 
+@pytest.mark.parametrize(("line", "replacement", "function", "says"), [
+    ("return textureLod(image, vec2(turns(d.x, -d.z), (row + 0.5) / rows), 0.0);",
+     "return textureLod(image, vec2(turns(d.x, -d.z) + 0.04, (row + 0.5) / rows), 0.0);", "environment_texel",
+     "an image is interpolated to within 0."),
+    ("bool on_pole = row < 0.5;", "bool on_pole = false;", "sample_environment_texel",
+     "directions against their pdf is "),
+])
+def test_an_environment_map_that_is_drawn_wrongly_is_found(line: str, replacement: str, function: str,
+                                                           says: str) -> None:
+    library = OURS.with_line("lib/environment.glsl", line, replacement)
+    found = failed(own_environment.findings(probe_of(library)))
+    assert found[0].function == function
+    assert says in found[0].sentence, found[0].sentence
+
+
 @pytest.mark.parametrize(("variant", "topic"), [
     ("kronecker", "random numbers"), ("shared-sequence", "random numbers"), ("other-hash", "random numbers"),
-    ("cross-product-basis", "frames"), ("", "frames")])
+    ("cross-product-basis", "frames"), ("", "frames"), ("", "the environment map")])
 def test_what_is_right_is_left_in_peace(variant: str, topic: str) -> None:
     """Generators whose samples follow a sequence, another hash, another basis, ours."""
     found = own.checked(VARIANTS[variant].applied() if variant else OURS, [topic])
@@ -156,7 +171,8 @@ class TestFolder:
     def test_a_folder_with_nothing_to_check_is_refused(self, tmp_path: Path) -> None:
         self.write(tmp_path, "camera.glsl", "// mine\n")
         with pytest.raises(HarnessError, match=r"holds none of the files whose functions are checked: "
-                                               r"lib/phong\.glsl, lib/random\.glsl, lib/sampling\.glsl"):
+                                               r"lib/environment\.glsl, lib/phong\.glsl, lib/random\.glsl, "
+                                               r"lib/sampling\.glsl, lib/trigonometry\.glsl, lib/uv\.glsl"):
             own.check_library(tmp_path)
         with pytest.raises(HarnessError, match="is not a folder"):
             own.check_library(tmp_path / "lib" / "camera.glsl")
