@@ -1,4 +1,4 @@
-"""Our tracer as an estimator: a strategy, and our GLSL or a library made from it."""
+"""Our tracer as an estimator: a strategy, a sampler, and our GLSL or a library made from it."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from harness.gpu.renderer import TracerRenderer
 from harness.scene import Scene, SceneFile, load
 from harness.shader.library import GENERATED, OURS, Library
 from harness.shader.own_files import own_library
+from harness.shader.samplers import DEFAULT, sampler_named, with_sampler
 from harness.shader.source import ShaderSource
 from harness.shader.strategies import check_strategy
 
@@ -29,7 +30,7 @@ FEATURES: dict[str, Callable[[Scene], Scene]] = {
 
 @dataclass(frozen=True)
 class Tracer:
-    """The path tracer with one strategy.
+    """The path tracer with one strategy and one sampler (`harness.shader.samplers`).
 
     `library`: its GLSL; `shader`, `folder`: somebody's own path_tracer.frag, and a folder of files that stand in for
     the library's of the same name, read when the tracer is opened; `without`: `FEATURES` that are left out.
@@ -40,11 +41,12 @@ class Tracer:
     shader: Path | None = None
     folder: Path | None = None
     without: tuple[str, ...] = ()
+    sampler: str = DEFAULT
 
     @property
     def name(self) -> str:
-        """The strategy's."""
-        return self.strategy
+        """The strategy's, and the sampler's where it is not the usual one: `mixture`, `mixture sobol`."""
+        return self.strategy if self.sampler == DEFAULT else f"{self.strategy} {self.sampler}"
 
     def check(self, scene: SceneFile) -> str:
         """What light of the scene the strategy never finds; empty where it finds all.
@@ -63,10 +65,10 @@ class Tracer:
                 "its paths by it")
 
     def whole_library(self) -> Library:
-        """The library with one's own files in it. HarnessError for files that cannot stand in for anything."""
-        if self.shader is None and self.folder is None:
-            return self.library
-        return own_library(self.shader, self.folder, self.library)
+        """The library with one's own files and the sampler in it. HarnessError for files that cannot stand in for
+        anything, for an unknown sampler, and for one that would stand in for one's own file."""
+        own = self.shader is not None or self.folder is not None
+        return with_sampler(own_library(self.shader, self.folder, self.library) if own else self.library, self.sampler)
 
     def source(self, scene: SceneFile) -> ShaderSource:
         """The shader that `open` compiles."""
@@ -81,10 +83,11 @@ class Tracer:
 
     @contextmanager
     def open(self, scene: SceneFile) -> Iterator[TracerRenderer]:
-        """HarnessError for an unknown strategy, SceneError for a scene outside our subset, ShaderError for a shader
-        that does not compile."""
+        """HarnessError for an unknown strategy or sampler, SceneError for a scene outside our subset, ShaderError for a
+        shader that does not compile."""
         reading = self._reading(scene)
-        renderer = TracerRenderer(reading, self.strategy, self.whole_library().tracer(reading, self.strategy))
+        renderer = TracerRenderer(reading, self.strategy, self.whole_library().tracer(reading, self.strategy),
+                                  sampler_named(self.sampler))
         try:
             yield renderer
         finally:

@@ -19,6 +19,7 @@ from harness.scene.model import Scene
 from harness.shader.hosts.base import SEEDS
 from harness.shader.hosts.native import NATIVE
 from harness.shader.library import OURS
+from harness.shader.samplers import DEFAULT, Sampler, sampler_named
 from harness.shader.scene.displaced import march_steps
 from harness.shader.source import ShaderSource
 from harness.shader.strategies import check_strategy, parse_strategy
@@ -32,12 +33,14 @@ class TracerRenderer:
     threads.
     """
 
-    traits = Traits()
-
     @spent("tracer")
-    def __init__(self, scene: Scene, strategy: str, source: ShaderSource | None = None) -> None:
-        """Compile; `source` replaces the shader (an own shader under test, a mutant). Raises ShaderError."""
+    def __init__(self, scene: Scene, strategy: str, source: ShaderSource | None = None,
+                 sampler: Sampler | None = None) -> None:
+        """Compile; `source` replaces the shader (an own shader under test, a mutant, one with another sampler, which is
+        then said beside it). Raises ShaderError."""
         self.scene = scene
+        self.sampler = sampler or sampler_named(DEFAULT)
+        self.traits = Traits(independent_batches=self.sampler.independent_batches)
         self.strategy = check_strategy(scene, strategy)
         self.source = source or OURS.tracer(scene, strategy)
         self._samplers = Samplers(scene, self.source)
@@ -57,6 +60,7 @@ class TracerRenderer:
             "renderer": "glsl",
             "scene": self.scene.content_hash,
             "strategy": self.strategy.name,
+            **({"sampler": self.sampler.name} if self.sampler.name != DEFAULT else {}),
             "shader": digest(self.source.text, 16),
             "code": code_digest(__name__),
             **describe_gl(),

@@ -15,6 +15,9 @@ class Traits:
     `streams`: 'any' where replicas are independent streams whose samples can be drawn in any order and any portion
     (ours, Mitsuba's); 'runs' where each replica is one whole run with a seed of its own (a command, a folder of
     images); 'one' where there is a single stream, drawn from its beginning (a Shadertoy).
+    `independent_batches`: are the batches of one replica independent of each other? Where samples are spread evenly
+    (Sobol's sequence) they are not: they agree better than chance would have them, in the mean of all, and what their
+    scatter would tell is not its noise. Replicas always are.
     `counts`: does it say how many samples it summed, so that samples which were not finite are known?
     `repeats`: is a batch that is drawn again the same, bit for bit? What is not cannot be left out of the store.
     `replicas`: how many there are, None where there is no end. `spp`: samples per pixel of a replica where the
@@ -23,6 +26,7 @@ class Traits:
     """
 
     streams: Literal["any", "runs", "one"] = "any"
+    independent_batches: bool = True
     counts: bool = True
     repeats: bool = True
     replicas: int | None = None

@@ -190,7 +190,8 @@ class _Replicas:
                 yield batch
 
         # For tiles as well: of uneven sizes, yet more of them and so sharper than if all were made as long as the last.
-        for batch in equal_batches(measured(), self.spp):
+        independent = self.renderer.traits.independent_batches
+        for batch in equal_batches(measured(), self.spp, independent=independent):
             with spent("statistics"):
                 self.total.add(batch)
                 self.tiles.add(with_luminance(batch.mean), batch.samples)

@@ -36,17 +36,19 @@ def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store 
         advance(count)
 
 
-def equal_batches(run: Iterable[Batch], samples: int) -> Iterator[Batch]:
-    """The small batches that a run begins with, merged until all are about equal and there are enough of them.
+def equal_batches(run: Iterable[Batch], samples: int, *, independent: bool = True) -> Iterator[Batch]:
+    """The small batches that a run begins with, merged until all are about equal and there are enough of them; all of
+    them into one where they are not `independent` (`Traits.independent_batches`), for nothing can then be told of one
+    run's noise from within.
 
     The variance by batch means is unbiased for unequal batches too, but the smallest batches of a heavy-tailed
     estimator are the noisiest witnesses of its variance, and merging them loses no more than a few degrees of freedom.
     """
-    size = max(1, samples // MIN_EQUAL_BATCHES)
+    size = min(max(1, samples // MIN_EQUAL_BATCHES), schedule(samples)[-1][1]) if independent else samples
     pending: list[Batch] = []
     for batch in run:
         pending.append(batch)
-        if sum(b.samples for b in pending) >= min(size, schedule(samples)[-1][1]):
+        if sum(b.samples for b in pending) >= size:
             yield _merged(pending)
             pending = []
     if pending:
@@ -55,9 +57,11 @@ def equal_batches(run: Iterable[Batch], samples: int) -> Iterator[Batch]:
 
 def render_estimate(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
                     advance: Advance = lambda n: None) -> Estimate:
-    """Mean and variance of `samples` samples per pixel of one replica."""
+    """Mean and variance of `samples` samples per pixel of one replica; the variance is NaN where its batches are not
+    independent of each other: it takes replicas, then."""
     accumulator = Accumulator()
-    for batch in equal_batches(batches(renderer, samples, replica=replica, store=store, advance=advance), samples):
+    run = batches(renderer, samples, replica=replica, store=store, advance=advance)
+    for batch in equal_batches(run, samples, independent=renderer.traits.independent_batches):
         accumulator.add(batch)
     return accumulator.estimate()
 
