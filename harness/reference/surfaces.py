@@ -43,6 +43,8 @@ def surfaces(scene: SceneFile, side: int = 4, variant: str = REFERENCE_VARIANT) 
     Raises whatever `prepare` raises.
     """
     mi = use_reference_variant(variant)
+    import drjit as dr
+
     prepared = prepare(scene, variant)
     width, height = prepared.film.width, prepared.film.height
     y, x = np.mgrid[0:height * side, 0:width * side].reshape(2, -1)
@@ -51,9 +53,11 @@ def surfaces(scene: SceneFile, side: int = 4, variant: str = REFERENCE_VARIANT) 
     rays, _ = sensor.sample_ray(sensor.shutter_open(), 0.5, place, mi.Point2f(0.5))
     met: Any = prepared.scene.ray_intersect_preliminary(rays, coherent=True)
     shapes = prepared.scene.shapes()
-    index = np.full(x.shape, NOTHING)
+    which = mi.Int32(NOTHING)
     for number, shape in enumerate(shapes):
-        index[np.broadcast_to(np.array(met.is_valid() & (met.shape == mi.ShapePtr(shape))), index.shape)] = number
+        which = dr.select(met.is_valid() & (met.shape == mi.ShapePtr(shape)), number, which)
+    # In one kernel: each shape by itself would trace all rays anew. Of no shapes there is one number for all.
+    index = np.broadcast_to(np.array(which, dtype=int), x.shape)
     names = tuple(str(shape.id()) or f"shape {number}" for number, shape in enumerate(shapes))
     materials = tuple(str(shape.bsdf().id()) if shape.bsdf() is not None else "" for shape in shapes)
     return Surfaces(index.reshape(height, side, width, side), names, materials)

@@ -95,7 +95,10 @@ class TestInterruption:
     def test_leaves_nothing_but_whole_batches(
         self, here: Path, tmp_path: Path, arguments: Sequence[object], until: str,
     ) -> None:
-        done = interrupt(arguments, tmp_path / "cache", until)
+        small = tmp_path / "spheres.xml"  # a report draws as large as the file says
+        small.write_text(SPHERES.read_text("utf-8").replace('"256"', '"64"').replace('"192"', '"48"'), "utf-8")
+        done = interrupt([small if word == SPHERES and "report" in arguments else word for word in arguments],
+                         tmp_path / "cache", until)
         assert (done.returncode, done.stdout, done.stderr) == (130, "", "harness: interrupted\n")
         assert list(here.iterdir()) == []
         assert not list((tmp_path / "cache").rglob(f"{PARTIAL_PREFIX}*"))

@@ -37,11 +37,15 @@ def trace(scene: Scene, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.nd
 def trace_mitsuba(mi: Any, scene: Any, names: list[str], o: np.ndarray,
                   d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The same of Mitsuba; the normal is the shading frame's, which decides sides for BSDFs and emitters."""
+    import drjit as dr
+
     si = scene.ray_intersect(mi.Ray3f(mi.Point3f(o.T), mi.Vector3f(d.T)))
-    ids = np.full(len(o), -1)
+    which = mi.Int32(-1)
     for shape in scene.shapes():
-        ids[np.array(si.shape == mi.ShapePtr(shape))] = names.index(shape.id())
-    emitted = np.array(si.emitter(scene).eval(si)).T
+        which = dr.select(si.shape == mi.ShapePtr(shape), names.index(shape.id()), which)
+    light = si.emitter(scene).eval(si)
+    dr.eval(si, which, light)  # in one kernel: each array by itself would trace all rays anew
+    ids, emitted = np.array(which), np.array(light).T
     hit = np.array(si.is_valid())
     return (np.where(hit, np.array(si.t), NO_HIT), ids, np.where(hit[:, None], np.array(si.sh_frame.n).T, 0),
             np.where(hit[:, None], emitted, 0))
