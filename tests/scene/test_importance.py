@@ -161,7 +161,7 @@ def test_compensation_leaves_what_is_above_the_mean(texels: np.ndarray) -> None:
 
 
 def test_compensation_makes_the_balance_heuristic_better() -> None:
-    """The variance over the sky of one direction drawn from it and one by the cosine, by quadrature; of many normals."""
+    """The variance over the sky of one direction drawn from it and one by the cosine, by quadrature."""
     environment = load_scene(data_dir("mitsuba_scenes") / "environment.xml").environment
     assert isinstance(environment, EnvironmentMap)
     polar, azimuth = (np.arange(80) + 0.5) / 80 * np.pi, (np.arange(160) + 0.5) / 160 * 2 * np.pi
