@@ -31,7 +31,8 @@ from harness.scene.importance import (
     whole_bins,
 )
 from harness.scene.model import EnvironmentMap
-from harness.shader.scene.environment import sampling_functions
+from harness.shader.scene.chunk import scene_chunk
+from harness.shader.scene.environment import drawn_by, sampling_functions
 
 # Points of Gauss and Legendre along each side of a texel's cell: exact to 1e-12 for the sines of cells so small.
 GAUSS = 6
@@ -228,3 +229,11 @@ def environment(folder: Path, options: str = "") -> EnvironmentMap:
     found = load_scene(scene).environment
     assert isinstance(found, EnvironmentMap)
     return found
+
+
+@pytest.mark.parametrize(("strategy", "table"), [("mixture", None), ("nee", "environment_table"),
+                                                 ("mis", "compensated_environment_table")])
+def test_compensated_draws_stand_beside_others_only(strategy: str, table: str | None) -> None:
+    """Alone they would miss all that is darker than the mean."""
+    scene = load_scene(data_dir("mitsuba_scenes") / "environment.xml")
+    assert drawn_by(scene_chunk(scene, strategy)) == table
