@@ -64,22 +64,22 @@ vec2 place_in_run(float u, vec4 run)
 }
 
 // A direction of the map's space, of density proportional to the alpha of environment_texel, an image of size.x columns
-// and size.y rows. `table`, filter nearest, has size.z columns and size.w rows. pick chooses a band of rows and a row in
-// it, u.x a block of columns and a column, u.y that texel or its alias; what is left of each moves the direction under
-// the tent of the texel. So well distributed numbers give well distributed directions. At the very end of a tent the pdf
+// and size.y rows. `table`, filter nearest, has size.z columns and size.w rows. u.y chooses a band of rows and a row in
+// it, u.x a block of columns and a column, pick that texel or its alias; what is left of each moves the direction under
+// the tent of the texel. So points of the square that are spread evenly give directions that are. At the very end of a tent the pdf
 // may be rounded to 0, where the radiance is 0 too: such a direction brings nothing.
 vec3 sample_environment_texel(sampler2D table, vec4 size, float pick, vec2 u)
 {
-    vec4 band = textureLod(table, (vec2(floor(pick * ENVIRONMENT_BINS), size.y) + 0.5) / size.zw, 0.0);
+    vec4 band = textureLod(table, (vec2(floor(u.y * ENVIRONMENT_BINS), size.y) + 0.5) / size.zw, 0.0);
     float number = floor(band.x / ENVIRONMENT_BINS);
     band.x -= ENVIRONMENT_BINS * number;
     vec2 bin_in_band = vec2(floor(u.x * ENVIRONMENT_BINS), size.y + 1.0 + number);
-    vec2 row = place_in_run(pick, band);
+    vec2 row = place_in_run(u.y, band);
     vec2 column = place_in_run(u.x, textureLod(table, (bin_in_band + 0.5) / size.zw, 0.0));
     vec4 bin = textureLod(table, (vec2(column.x, row.x) + 0.5) / size.zw, 0.0);
-    bool own = u.y < bin.x;
+    bool own = pick < bin.x;
     vec2 texel = own ? vec2(column.x, row.x) : bin.yz;
-    float place = own ? u.y / bin.x : (u.y - bin.x) / (1.0 - bin.x);
+    float place = own ? pick / bin.x : (pick - bin.x) / (1.0 - bin.x);
 
     float side = 2.0 * column.y - 1.0;
     float away = 1.0 - sqrt(1.0 - abs(side));  // has the density 1 - away

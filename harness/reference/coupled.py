@@ -116,7 +116,7 @@ class CoupledRenderer:
         self.sensor = whole.sensors()[0]
         self.shapes = whole.shapes()
         self._still, self._movers = self._parted(whole) if moving(self.reading) else (whole, [])
-        self._lights = LightDraws(self.mi, self.reading, lights_sampled(self.reading, lights))
+        self._lights = LightDraws(self.mi, self.reading, lights_sampled(self.reading, lights), lights == "mis")
         self._table = self.mi.Int32(shape_table(self.mi, self.shapes, self.reading))
 
     def _parted(self, whole: Any) -> tuple[Any, list[Mover]]:

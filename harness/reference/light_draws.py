@@ -37,11 +37,13 @@ class Aimed(NamedTuple):
 
 @dataclass(frozen=True)
 class LightDraws:
-    """How vertices choose lights and aim at them; `lights` as the shader has them, in its order."""
+    """How vertices choose lights and aim at them; `lights` as the shader has them, in its order. `compensated`: of an
+    environment map, only what is above its mean is drawn."""
 
     mi: Any
     scene: Scene
     lights: tuple[Light, ...]
+    compensated: bool = False
 
     @property
     def has_map(self) -> bool:
@@ -90,7 +92,7 @@ class LightDraws:
     @property
     def _map(self) -> MapDraws:
         assert isinstance(self.scene.environment, EnvironmentMap)
-        return MapDraws(self.mi, self.scene.environment)
+        return MapDraws(self.mi, self.scene.environment, self.compensated)
 
     def density(self, shape: Any, o: Any, t: Any, facing: Any, to_rest: Carry) -> Any:
         """Per steradian, of directions from `o` to where they meet the lit side of the shape of this index, at the

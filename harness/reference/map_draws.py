@@ -36,13 +36,13 @@ class MapDraws:
             at = mi.UInt32(row) * table.shape[1] + mi.UInt32(column)
             return [dr.gather(mi.Float, values, at) for values in entries]
 
-        first, count, top, height = read(mi.Float(rows), dr.floor(pick * BINS))
+        first, count, top, height = read(mi.Float(rows), dr.floor(b * BINS))
         band = dr.floor(first / BINS)
-        row, rest_y = _in_run(pick, first - BINS * band, count, top, height)
+        row, rest_y = _in_run(b, first - BINS * band, count, top, height)
         column, rest_x = _in_run(a, *read(rows + 1 + band, dr.floor(a * BINS)))
         share, other_column, other_row, _ = read(row, column)
-        own = b < share
-        place = dr.select(own, b / share, (b - share) / (1.0 - share))
+        own = pick < share
+        place = dr.select(own, pick / share, (pick - share) / (1.0 - share))
         column, row = dr.select(own, column, other_column), dr.select(own, row, other_row)
 
         side = 2.0 * rest_x - 1.0

@@ -17,10 +17,11 @@ drawn like a green one.
 
 A texel is picked in three lookups. The rows are cut into bands of about the same probability, each band into blocks:
 these two are looked up in tables of BINS bins, where bins hold one band, one block each; that is why probabilities are
-rounded to whole bins. The texel of a block is drawn by an alias table. Bands and blocks keep what points of low
-discrepancy have: with an alias table of the whole map alone their error was 2.5 to 4 times as large, with independent
-numbers the same, and the lookups took llvmpipe 8 ns less, of 40 to 140 that an iteration with two directions took. An
-inverse CDF by binary search keeps no more up to 64 samples and took 50 to 220 ns more, a quadtree 10 to 100.
+rounded to whole bins. The texel of a block is drawn by an alias table. Bands and blocks keep what points of the square
+that are spread evenly have: the error of an unoccluded diffuse surface under sky.exr by 64 of them was 0.22 of that
+by independent numbers, by an alias table of the whole map 0.75, by an inverse CDF 0.21. On llvmpipe an iteration with
+two directions (23 ns for sky.exr, 100 ns for a map of 1024 x 512 with nothing drawn) took 16 and 72 ns more with it, 8
+and 71 with an alias table alone, 24 and 196 with a quadtree, 60 and 320 with an inverse CDF by binary search.
 """
 
 from __future__ import annotations

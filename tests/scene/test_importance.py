@@ -31,7 +31,8 @@ from harness.scene.importance import (
     whole_bins,
 )
 from harness.scene.model import EnvironmentMap
-from harness.shader.scene.environment import sampling_functions
+from harness.shader.scene.chunk import scene_chunk
+from harness.shader.scene.environment import drawn_by, sampling_functions
 
 # Points of Gauss and Legendre along each side of a texel's cell: exact to 1e-12 for the sines of cells so small.
 GAUSS = 6
@@ -161,7 +162,7 @@ def test_compensation_leaves_what_is_above_the_mean(texels: np.ndarray) -> None:
 
 
 def test_compensation_makes_the_balance_heuristic_better() -> None:
-    """The variance over the sky of one direction drawn from it and one by the cosine, by quadrature; many normals."""
+    """The variance over the sky of one direction drawn from it and one by the cosine, by quadrature."""
     environment = load_scene(data_dir("mitsuba_scenes") / "environment.xml").environment
     assert isinstance(environment, EnvironmentMap)
     polar, azimuth = (np.arange(80) + 0.5) / 80 * np.pi, (np.arange(160) + 0.5) / 160 * 2 * np.pi
@@ -228,3 +229,11 @@ def environment(folder: Path, options: str = "") -> EnvironmentMap:
     found = load_scene(scene).environment
     assert isinstance(found, EnvironmentMap)
     return found
+
+
+@pytest.mark.parametrize(("strategy", "table"), [("mixture", None), ("nee", "environment_table"),
+                                                 ("mis", "compensated_environment_table")])
+def test_compensated_draws_stand_beside_others_only(strategy: str, table: str | None) -> None:
+    """Alone they would miss all that is darker than the mean."""
+    scene = load_scene(data_dir("mitsuba_scenes") / "environment.xml")
+    assert drawn_by(scene_chunk(scene, strategy)) == table

@@ -19,6 +19,7 @@ from harness.scene import Scene
 from harness.shader.exports.images import Image, images_of
 from harness.shader.hosts.native import NATIVE
 from harness.shader.library import OURS
+from harness.shader.source import ShaderSource
 
 _VERTEX = """#version {version}
 out vec2 texcoord;
@@ -59,7 +60,7 @@ def accumulate(fragment: str, size: tuple[int, int], frames: int, previous: str,
     stale = stale.astype(np.float32).tobytes()
     textures = [gl.texture(size, 4, stale, dtype="f4") for _ in range(2)]
     framebuffers = [gl.framebuffer([texture]) for texture in textures]
-    samplers = Samplers(scene) if scene else None
+    samplers = Samplers(scene, ShaderSource(fragment, ())) if scene else None
     loaded = {sampler: _loaded(gl, image) for sampler, image in images}
     for number in range(frames):
         textures[number % 2].filter = moderngl.NEAREST, moderngl.NEAREST
@@ -94,8 +95,9 @@ def _loaded(gl: moderngl.Context, image: Image) -> moderngl.Texture:
 @functools.lru_cache(maxsize=16)
 def rendered(scene: Scene, strategy: str, samples: int) -> np.ndarray:
     """What `harness render` sums over as many samples of replica 0, (H, W, 4) float32, row 0 at the top."""
-    samplers = Samplers(scene)
-    pingpong = PingPong(OURS.tracer(scene, strategy), (scene.width, scene.height), NATIVE, samplers.bind, 64)
+    source = OURS.tracer(scene, strategy)
+    samplers = Samplers(scene, source)
+    pingpong = PingPong(source, (scene.width, scene.height), NATIVE, samplers.bind, 64)
     try:
         return pingpong.total(0, 0, samples, None).astype(np.float32)
     finally:

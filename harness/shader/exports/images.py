@@ -6,17 +6,20 @@ Our own GL binds images first row first, decoded, with the filter and the wrap o
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from harness.errors import HarnessError
 from harness.scene.bitmaps import bitmap_texels, environment_texels
+from harness.scene.importance import sampling_table, texel_density
 from harness.scene.model import EnvironmentMap, Scene
 from harness.shader.exports.readable import Text, item
 from harness.shader.scene.bitmaps import FILTERS, images
-from harness.shader.scene.environment import SAMPLER
+from harness.shader.scene.environment import COMPENSATED_TABLE, SAMPLER, drawn_by
 from harness.shader.scene.literals import in_comment, vector
 
 # Image formats of floating-point numbers, which are linear; all others are encoded as sRGB.
@@ -34,7 +37,7 @@ vec3 decode_srgb(vec3 encoded)
 class Image:
     """An image of a scene: `sampler`, its uniform; `file`: its name; `encoded`: its file holds sRGB that is to be
     decoded; `repeats`: in u and in v, else the edge goes on; `nearest`: no filter; `texels`: (H, W, 3) float32, linear,
-    first row first, when it is called."""
+    first row first, when it is called; (H, W, 4) where the alpha is read too."""
 
     sampler: str
     file: str
@@ -54,24 +57,42 @@ class Stored:
     declared: str = ""
 
 
-def images_of(scene: Scene) -> list[Image]:
-    """The images that a scene's shader reads, by sampler; an environment map comes last."""
+def images_of(scene: Scene, shader: str = "") -> list[Image]:
+    """The images that a scene's shader reads, by sampler; an environment map comes last, and where the text `shader`
+    draws directions from it, the table by which it does."""
     found = [Image(f"bitmap{index}", bitmap.path.name, not bitmap.raw and bitmap.path.suffix.lower() not in LINEAR,
                    (bitmap.wrap_mode == "repeat",) * 2, FILTERS[bitmap.filter_type] == "nearest",
                    lambda bitmap=bitmap: bitmap_texels(bitmap))  # type: ignore[misc]
              for index, bitmap in enumerate(images(scene.shapes))]
     environment = scene.environment
     if isinstance(environment, EnvironmentMap):
-        found.append(Image(SAMPLER, environment.path.name, environment.path.suffix.lower() not in LINEAR,
-                           (True, False), False, lambda: environment_texels(environment)))
+        encoded = environment.path.suffix.lower() not in LINEAR
+        table = drawn_by(shader)
+        if table is None:
+            return [*found, Image(SAMPLER, environment.path.name, encoded, (True, False), False,
+                                  lambda: environment_texels(environment))]
+        density, bins = (functools.partial(made, environment, compensated=table == COMPENSATED_TABLE)
+                         for made in (texel_density, sampling_table))
+        found += [Image(SAMPLER, environment.path.name, encoded, (True, False), False,
+                        lambda: np.dstack([environment_texels(environment), density()])),
+                  Image(table, "", False, (False, False), True, bins)]
     return found
+
+
+def require_files(shader: str) -> None:
+    """HarnessError where a shader reads what no image file holds, for hosts that load files."""
+    if drawn_by(shader):
+        raise HarnessError("directions are drawn from the environment map by a table of numbers, which is no image "
+                           "that this host could load; export to webgl, or take a strategy that gathers the "
+                           "environment where paths escape")
 
 
 def with_lookups(tracer: Text, found: Sequence[Image], stored: Callable[[int, Image], Stored]) -> tuple[str, Text]:
     """GLSL that looks images up without a sampler's filter and wrap, and the tracer that calls it.
 
-    `stored`: how the host has an image, by its index.
+    `stored`: how the host has an image, by its index. HarnessError as `require_files`.
     """
+    require_files(tracer.written())
     if not found:
         return "", tracer
     held = [stored(index, image) for index, image in enumerate(found)]

@@ -27,11 +27,13 @@ def export(job: Job) -> dict[str, str]:
     page = _Page(resources.files("harness.shader.exports").joinpath("page.html").read_text(encoding="utf-8"))
     head = job.head("Open this file in a browser with WebGL 2 and float render targets (EXT_color_buffer_float).",
                     mark="")
+    tracer = _tracer(job)
     return {f"{job.name}.html": page.substitute(
         head=head.replace("--", "- -").rstrip(), title=html.escape(f"{job.scene.name}, {job.strategy}"),
         width=job.scene.width, height=job.scene.height, exposure=f"{job.exposure:g}", samples=job.frame_samples,
-        tracer=_harmless(_tracer(job)), display=_harmless(_display(job)),
-        images=_harmless(json.dumps([_embedded(image) for image in images_of(job.scene)]), r"<\u002f", r"<\u0021"))}
+        tracer=_harmless(tracer), display=_harmless(_display(job)),
+        images=_harmless(json.dumps([_embedded(image) for image in images_of(job.scene, tracer)]), r"<\u002f",
+                         r"<\u0021"))}
 
 
 def _harmless(text: str, slash: str = "< /", mark: str = "< !") -> str:
@@ -83,7 +85,7 @@ void main()
 
 def _embedded(image: Image) -> dict[str, object]:
     texels = image.texels()
-    height, width = texels.shape[:2]
-    return {"sampler": image.sampler, "file": image.file, "width": width, "height": height,
+    height, width, channels = texels.shape
+    return {"sampler": image.sampler, "file": image.file, "width": width, "height": height, "channels": channels,
             "repeats": image.repeats, "nearest": image.nearest,
             "texels": base64.b64encode(np.ascontiguousarray(texels, "<f4").tobytes()).decode()}

@@ -45,9 +45,14 @@ def light_functions(scene: Scene, strategy: Strategy, motions: Motions) -> list[
     has_sky = any(light.shape == ENVIRONMENT for light in lights)
     map_ = scene.environment if has_sky and isinstance(scene.environment, EnvironmentMap) else None
     parts = ['#include "lib/lights.glsl"', '#include "lib/mis.glsl"', "",
-             *(sampling_functions(map_) if map_ else []), *_choice(lights),
+             *(_map_sampling(map_, strategy) if map_ else []), *_choice(lights),
              *_sampling(scene, shapes, motions, has_sky=has_sky), *_radiance(scene, shapes, motions)]
     return [*parts, *_densities(lights, shapes, motions)] if strategy.lights == "mis" else parts
+
+
+def _map_sampling(map_: EnvironmentMap, strategy: Strategy) -> list[str]:
+    """Beside directions that the BSDF draws, those of the map need not find what is dim."""
+    return sampling_functions(map_, compensated=strategy.lights == "mis")
 
 
 def _choice(lights: Sequence[Light]) -> list[str]:
