@@ -14,7 +14,7 @@ from harness.gpu.renderer import TracerRenderer
 from harness.scene import Scene, SceneFile, load
 from harness.shader.library import GENERATED, OURS, Library
 from harness.shader.own_files import own_library
-from harness.shader.samplers import DEFAULT, sampler_named, with_sampler
+from harness.shader.samplers import DEFAULT, named, sampler_named, with_sampler
 from harness.shader.source import ShaderSource
 from harness.shader.strategies import check_strategy
 
@@ -46,7 +46,7 @@ class Tracer:
     @property
     def name(self) -> str:
         """The strategy's, and the sampler's where it is not the usual one: `mixture`, `mixture sobol`."""
-        return self.strategy if self.sampler == DEFAULT else f"{self.strategy} {self.sampler}"
+        return named(self.strategy, self.sampler)
 
     def check(self, scene: SceneFile) -> str:
         """What light of the scene the strategy never finds; empty where it finds all.
