@@ -51,7 +51,9 @@ class Tracer:
     def check(self, scene: SceneFile) -> str:
         """What light of the scene the strategy never finds; empty where it finds all.
 
-        HarnessError where the scene has a depth set that somebody's shader would not heed."""
+        HarnessError for an unknown strategy or sampler, and where the scene has a depth set that somebody's shader
+        would not heed."""
+        sampler_named(self.sampler)
         if scene.max_depth is not None and (reason := self.takes_depth(scene)):
             raise HarnessError(reason)
         return check_strategy(load(scene), self.strategy).warning
