@@ -9,14 +9,24 @@
 // means are unbiased; within one replica samples are not independent of each other, which is what they are for.
 uint sobol_index;  // of the sample, its lowest bit last; rng_state seeds the scrambles of a path's calls, one by one
 
-// A random permutation of 32-bit numbers in which a digit hangs on itself and those below it alone: nested scrambling of
-// a number whose first digit is its lowest bit (Owen 1995). Laine & Karras 2011, "Stratified Sampling for Stochastic
-// Transparency", section 3.1, found that sums and products of integers have that property; these are the first two of
-// their hash. Of two numbers that part at a digit, what follows it is uniform for `shift` and `factor` that are, and
-// variances know of pairs alone: they are those of Owen's scrambling.
+// Random permutations of 32-bit numbers in which a digit hangs on itself and those below it alone: nested scrambling of
+// numbers whose first digit is the lowest bit (Owen 1995). Laine & Karras 2011, "Stratified Sampling for Stochastic
+// Transparency", section 3.1, found that sums and products of integers have that property, and made a hash of them.
+// Of two numbers that part at a digit, all that follows it is uniform where `shift` and `factor` are: variances, which
+// know of pairs alone, are those of Owen's scrambling. All that Laine & Karras have would cost 20 % of a sample.
 uint scrambled(uint digits, uint shift, uint factor)
 {
     return (digits + shift) * (factor | 1u);
+}
+
+// The same of a sample's index, with one step of theirs between. Calls pair their numbers by it: without that step one
+// pixel in a hundred has calls whose numbers go together, and the errors of all are as large in the mean as they should
+// be but have long tails.
+uint shuffled(uint digits, uint shift, uint factor)
+{
+    digits += shift;
+    digits ^= digits * 0x05526c56u;  // Vegdahl 2021, "Building a Better LK Hash"
+    return digits * (factor | 1u);
 }
 
 // The second number of Sobol's sequence from the first, both with their first digits lowest: Pascal's triangle modulo 2
@@ -57,14 +67,15 @@ void seed_sample(uvec2 stream, uint index)
 float rand()
 {
     uvec2 seeds = next_seeds();
-    return fraction(scrambled(sobol_index, seeds.x, seeds.y));
+    return fraction(shuffled(sobol_index, seeds.x, seeds.y));
 }
 
 vec2 rand2()
 {
     uvec2 seeds = next_seeds();
-    uint digits = bitfieldReverse(scrambled(sobol_index, seeds.x, seeds.y));
+    uint digits = bitfieldReverse(shuffled(sobol_index, seeds.x, seeds.y));
+    uint upper = seeds.y >> 16u;
     uint first = scrambled(digits, seeds.y, seeds.x >> 16u);
-    uint second = scrambled(second_digits(digits), seeds.x ^ (seeds.y >> 16u), seeds.y >> 8u);
+    uint second = scrambled(second_digits(digits), seeds.x ^ upper, upper);
     return vec2(fraction(bitfieldReverse(first)), fraction(bitfieldReverse(second)));
 }

@@ -40,6 +40,8 @@ DepthOption = Annotated[int | None, typer.Option("--max-depth", metavar="N", min
     "Vertices of a path at most, instead of the scene's; 1 is light seen directly."))]
 SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A value for a <default> "
                                                        "parameter of the scene; may be given several times.")]
+SamplerOption = Annotated[str, typer.Option("--sampler", help="Where the random numbers come from: independent, or "
+                                             "sobol (spread evenly; replicas alone tell its noise).")]
 ExecutorOption = Annotated[str, typer.Option("--executor", help="Where samples are drawn: serial (in this process), or "
                                                  "processes.")]
 StrategyOption = Annotated[str, typer.Option("--strategy", "-s", help=(

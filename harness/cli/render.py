@@ -14,6 +14,7 @@ from harness.cli.options import (
     DepthOption,
     DeviceOption,
     ProfileTimeOption,
+    SamplerOption,
     SceneArgument,
     SetOption,
     SizeOption,
@@ -45,6 +46,7 @@ ReplicaOption = Annotated[int, typer.Option("--replica", min=0, max=2**31 - 1,
 def render(
     scene: SceneArgument,
     strategy: StrategyOption = "mixture",
+    sampler: SamplerOption = "independent",
     spp: SppOption = 256,
     replica: ReplicaOption = 0,
     size: SizeOption = None,
@@ -58,6 +60,8 @@ def render(
 ) -> None:
     """Render a scene with the GLSL path tracer.
 
+    With `--sampler sobol` the file holds no variance, which several of them tell, each with a `--replica` of its own.
+
     Example: `harness render mitsuba_scenes/spheres.xml --strategy mixture --spp 1024 -o spheres.exr`
     """
     from harness.estimators.tracer import Tracer
@@ -66,7 +70,7 @@ def render(
     ask()
     file = scene_file(scene, size, parameters, max_depth)
     open_scene(file)
-    estimator = Tracer(strategy)
+    estimator = Tracer(strategy, sampler=sampler)
     warning = estimator.check(file)
     target = _target(output, scene.stem)
     if warning:

@@ -38,6 +38,8 @@ def study(
     scene: SceneArgument,
     strategies: Annotated[str | None, typer.Option("--strategies", "-s", metavar="A,B,...",
                           help="Comma-separated; all that suit the scene if not given.")] = None,
+    samplers: Annotated[str, typer.Option("--samplers", metavar="A,B,...", help="Each strategy with each of these: "
+                                          "independent, sobol.")] = "independent",
     spp: Annotated[int, typer.Option("--spp", min=4, max=MAX_SPP // 4, help="Samples per pixel of each replica.")]
     = 1024,
     replicas: Annotated[int, typer.Option("--replicas", min=2, max=1000, help="Independent runs of each.")] = 8,
@@ -72,7 +74,8 @@ def study(
     from harness.studies.study import study as run_study
     from harness.work import executors
 
-    names = _names(strategies)
+    names = _names("--strategies", strategies, "uniform,mixture") if strategies is not None else None
+    drawn = _names("--samplers", samplers, "independent,sobol")
     if reference and reference_spp:
         raise HarnessError("--reference-spp is for an image yet to be rendered; leave it out, or --reference")
     loaded = open_scene(scene_file(scene, size, parameters, max_depth))
@@ -88,7 +91,7 @@ def study(
         raise HarnessError("--executor processes hands samples over through the cache; leave out --no-cache")
     with executors.executor(executor, jobs) as workers:
         result = run_study(
-            loaded, names, spp=spp, replicas=replicas, reference_spp=reference_spp, reference=ready,
+            loaded, names, samplers=drawn, spp=spp, replicas=replicas, reference_spp=reference_spp, reference=ready,
             tolerance=tolerance, confidence=confidence, store=store,
             executor=workers if executor != "serial" else None, progress=progress)
     for item in result.strategies:
@@ -106,14 +109,11 @@ def study(
     return 0 if all(item.outcome == "pass" for item in result.strategies if item.suits) else 1
 
 
-def _names(strategies: str | None) -> list[str] | None:
-    """'uniform,mixture' as a list; None, which means all that suit, stays None."""
-    if strategies is None:
-        return None
-    names = [name.strip() for name in strategies.split(",")]
+def _names(option: str, given: str, example: str) -> list[str]:
+    """'uniform,mixture' as a list."""
+    names = [name.strip() for name in given.split(",")]
     if not all(names):
-        raise HarnessError(f"--strategies: expected names with commas between, such as uniform,mixture; found "
-                           f"'{strategies}'")
+        raise HarnessError(f"{option}: expected names with commas between, such as {example}; found '{given}'")
     return names
 
 

@@ -14,7 +14,7 @@ from harness.gpu.renderer import TracerRenderer
 from harness.scene import Scene, SceneFile, load
 from harness.shader.library import GENERATED, OURS, Library
 from harness.shader.own_files import own_library
-from harness.shader.samplers import DEFAULT, sampler_named, with_sampler
+from harness.shader.samplers import DEFAULT, named, sampler_named, with_sampler
 from harness.shader.source import ShaderSource
 from harness.shader.strategies import check_strategy
 
@@ -46,12 +46,14 @@ class Tracer:
     @property
     def name(self) -> str:
         """The strategy's, and the sampler's where it is not the usual one: `mixture`, `mixture sobol`."""
-        return self.strategy if self.sampler == DEFAULT else f"{self.strategy} {self.sampler}"
+        return named(self.strategy, self.sampler)
 
     def check(self, scene: SceneFile) -> str:
         """What light of the scene the strategy never finds; empty where it finds all.
 
-        HarnessError where the scene has a depth set that somebody's shader would not heed."""
+        HarnessError for an unknown strategy or sampler, and where the scene has a depth set that somebody's shader
+        would not heed."""
+        sampler_named(self.sampler)
         if scene.max_depth is not None and (reason := self.takes_depth(scene)):
             raise HarnessError(reason)
         return check_strategy(load(scene), self.strategy).warning

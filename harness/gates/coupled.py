@@ -10,6 +10,7 @@ from harness.diagnosis import AutopsyRecord, autopsy
 from harness.estimators.base import Renderer
 from harness.estimators.tracer import Tracer
 from harness.gates.model import Gate, GateResult
+from harness.shader.samplers import DEFAULT
 from harness.stats.agreement import AgreementVerdict, agreement_verdict
 from harness.stats.needed import times
 from harness.stats.tiles import TileSamples
@@ -55,11 +56,15 @@ def with_agreement(result: GateResult, agreement: AgreementVerdict) -> GateResul
 
 
 def dissected(result: GateResult) -> GateResult:
-    """A result with the autopsy of its paths, told in its reason."""
+    """A result with the autopsy of its paths, told in its reason.
+
+    Of a sampler other than the usual one the library's paths are looked at with that: the autopsy knows its numbers.
+    """
     test = result.gate.test
     assert isinstance(test, Tracer), "the parser couples nothing else"
-    found = autopsy(result.gate.scene, test.strategy, test.whole_library())
-    return replace(result, autopsy=found, reason=f"{result.reason}; {_named(found)}")
+    found = autopsy(result.gate.scene, test.strategy, replace(test, sampler=DEFAULT).whole_library())
+    told = "" if test.sampler == DEFAULT else f" with the sampler '{DEFAULT}', whose numbers an autopsy knows"
+    return replace(result, autopsy=found, reason=f"{result.reason}; {_named(found)}{told}")
 
 
 def _named(found: AutopsyRecord) -> str:

@@ -9,6 +9,7 @@ same, for gates whose reference is coupled) and, for each gate or for several st
     command      a program that renders the scene: "myrt {scene} --spp {spp} --seed {seed} -o {out}" ({max_depth}
                  hands a depth on); or
     images       renders that are there: a file, a folder or a pattern such as "mine_*.exr", each an independent run
+    sampler      where the tracer's random numbers come from, independent or sobol
     reason       why this tolerance; reports quote it
     tolerance    { mean, coarse, fine }: relative bias of the image, of larger and of smaller tiles that counts as none
     spp          samples per pixel of a replica
@@ -59,6 +60,7 @@ from harness.gates.model import (
 from harness.reference.prepare import INDEPENDENT
 from harness.scene.file import MAX_DEPTH_LIMIT, SceneFile
 from harness.scene.sensors import SAMPLERS
+from harness.shader.samplers import DEFAULT, sampler_named
 from harness.shader.strategies import parse_strategy
 from harness.stats.agreement import SHARE
 from harness.stats.levels import family_level
@@ -73,7 +75,7 @@ FALSE_ALARMS = 0.01
 MAX_SPP = 1 << 16  # of one replica
 
 _GATE_KEYS = ("name", "scene", "strategy", "reason", "tolerance", "spp", "replicas", "size", "max_depth", "reference",
-              "confidence", "not_finite", "agreement", "command", "images", "timeout", "shader", "glsl")
+              "confidence", "not_finite", "agreement", "command", "images", "timeout", "shader", "glsl", "sampler")
 # Of which a gate has one: what it judges.
 _JUDGED = ("strategy", "command", "images")
 _OWN_KEYS = ("name", "scene", "reason")  # which have no default
@@ -163,7 +165,7 @@ def _judged(table: _Table, scene: SceneFile) -> Iterator[tuple[str, Estimator]]:
         raise table.error(given[-1] if given else "strategy",
                           f"expected one of {', '.join(_JUDGED)}, found {' and '.join(given) or 'none of them'}")
     if given != ["strategy"]:
-        for key in ("shader", "glsl"):
+        for key in ("shader", "glsl", "sampler"):
             if key in table.values and table.is_own(key):
                 raise table.error(key, f"'{key}' is part of our tracer, and '{given[0]}' stands in its place; take one "
                                        "of them away")
@@ -181,7 +183,7 @@ def _judged(table: _Table, scene: SceneFile) -> Iterator[tuple[str, Estimator]]:
     listed = isinstance(table.value("strategy"), list)
     for strategy in _strategies(table):
         yield strategy if listed else "", Tracer(strategy, shader=table.file("shader"),
-                                                 folder=table.file("glsl", folder=True))
+                                                 folder=table.file("glsl", folder=True), sampler=_own_sampler(table))
 
 
 def _runs(table: _Table) -> Images:
@@ -215,6 +217,14 @@ def _strategies(table: _Table) -> tuple[str, ...]:
     if not names or len(set(names)) < len(names):
         raise table.error("strategy", f"expected one or more strategies, each once, found {named}")
     return tuple(names)
+
+
+def _own_sampler(table: _Table) -> str:
+    named = table.text("sampler") if "sampler" in table.values else DEFAULT
+    try:
+        return sampler_named(named).name
+    except HarnessError as error:
+        raise table.error("sampler", str(error)) from None
 
 
 def _tolerance(table: _Table) -> Tolerance:
@@ -298,7 +308,7 @@ def _coupled(table: _Table, given: _Table, test: Estimator) -> Coupled:
         if str(error).startswith(f"{table.path}:"):
             raise
         raise table.error("tolerance", str(error)) from None
-    return Coupled(test.strategy)
+    return Coupled(test.strategy, test.sampler)
 
 
 class _Table:

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.machine.mitsuba_runtime import use_reference_variant
-from harness.reference.draws import Draw, pixel_stream, rand, seed_sample
+from harness.reference.draws import Draw, pixel_stream, rand, rand2, seed_sample
 from harness.reference.light_draws import LightDraws
 from harness.reference.motion import moving_id
 from harness.reference.movers import Mover, at_rest, scene_of, turned_back
@@ -98,13 +98,15 @@ class CoupledRenderer:
     replica, sample range or depth.
     """
 
-    traits = Traits(repeats=False)  # as ReferenceRenderer's: the library's sums may come in any order
-
-    def __init__(self, scene: SceneFile, strategy: str, draw: str, lights: str, heuristic: str) -> None:
+    def __init__(self, scene: SceneFile, strategy: str, draw: str, lights: str, heuristic: str,
+                 sampler: str = "independent") -> None:
         """Instantiate the scene. `strategy`: the name; what it means in `draw`, `lights` and `heuristic`, as
-        `harness.shader.strategies.Strategy` has them. SceneError for a scene outside our tracer's subset: it has no
-        paths to follow there."""
-        self.scene = scene
+        `harness.shader.strategies.Strategy` has them; `sampler`: where numbers come from, a name of
+        `harness.shader.samplers`. SceneError for a scene outside our tracer's subset: it has no paths to follow
+        there."""
+        self.scene, self.sampler = scene, sampler
+        # As ReferenceRenderer's: the library's sums may come in any order.
+        self.traits = Traits(repeats=False, independent_batches=sampler == "independent")
         self.strategy, self.lights, self.heuristic = strategy, lights, heuristic
         self._scene_hash = load(scene).content_hash  # SceneError here, where Mitsuba alone would go on
         prepared = prepare(scene)
@@ -142,6 +144,7 @@ class CoupledRenderer:
             "renderer": "coupled",
             "scene": self._scene_hash,
             "strategy": self.strategy,
+            **({"sampler": self.sampler} if self.sampler != "independent" else {}),
             "max_depth": str(self.reading.max_depth),
             "mitsuba": metadata.version("mitsuba"),
             "drjit": metadata.version("drjit"),
@@ -209,15 +212,14 @@ class CoupledRenderer:
         import drjit as dr
 
         camera = self.reading.camera
-        seed = seed_sample(pixel_stream(lanes.x, lanes.y, dr.opaque(mi.UInt32, replica)), lanes.sample)
-        a, state = rand(seed)
-        b, state = rand(state)
+        stream = pixel_stream(lanes.x, lanes.y, dr.opaque(mi.UInt32, replica))
+        seed = seed_sample(stream, lanes.sample, self.sampler)
+        a, b, state = rand2(seed)
         film = mi.Point2f((mi.Float(lanes.x) + a) * (1.0 / self.reading.width),
                           1.0 - (mi.Float(lanes.y) + b) * (1.0 / self.reading.height))
         lens = mi.Point2f(0.5)
         if camera.aperture_radius > 0:
-            c, state = rand(state)
-            d, state = rand(state)
+            c, d, state = rand2(state)
             lens = mi.Point2f(c, d)
         opens, closes = camera.shutter
         moment = mi.Float(opens)

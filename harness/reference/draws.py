@@ -5,13 +5,15 @@ Written out a second time, so that a renderer built on Mitsuba follows the shade
 (`harness.reference.coupled`). Nothing here knows a scene: what both sides share cannot show in their difference, so it
 is proved alone, the integers bit for bit and the directions by their moments. Arrays are drjit's, of any variant that
 has them; `state` is the generator's, of unsigned 32-bit integers, and goes in and out, as the shader's global variable
-does.
+does; that of the sampler `sobol` has two components, and its numbers come from `harness.reference.sobol`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
+
+from harness.reference import sobol
 
 MULTIPLIER, INCREMENT, PERMUTATION = 747796405, 2891336453, 277803737
 # Where Duff's basis turns over: see to_world in lib/sampling.glsl, which has it from here or the other way round.
@@ -29,8 +31,10 @@ def pixel_stream(px: Any, py: Any, replica: Any) -> tuple[Any, Any]:
     return first, pcg_hash(first ^ 0x9E3779B9)
 
 
-def seed_sample(stream: tuple[Any, Any], index: Any) -> Any:
-    """The state with which sample number `index` of a stream begins."""
+def seed_sample(stream: tuple[Any, Any], index: Any, sampler: str = "independent") -> Any:
+    """The state with which sample number `index` of a stream begins, with a sampler by its name."""
+    if sampler == "sobol":
+        return sobol.seed_sample(stream, index)
     return pcg_hash(index ^ stream[0]) + stream[1]
 
 
@@ -38,15 +42,25 @@ def rand(state: Any) -> tuple[Any, Any]:
     """A number in [0, 1) of 24 bits, and the state after it."""
     import drjit as dr
 
+    if _is_sobol(state):
+        return sobol.rand(state)
     float32: Any = dr.float32_array_t(type(state))
     return float32(_permuted(state) >> 8) * (1.0 / 16777216.0), state * MULTIPLIER + INCREMENT
 
 
 def rand2(state: Any) -> tuple[Any, Any, Any]:
     """Two numbers, and the state after them."""
+    if _is_sobol(state):
+        return sobol.rand2(state)
     first, state = rand(state)
     second, state = rand(state)
     return first, second, state
+
+
+def _is_sobol(state: Any) -> bool:
+    import drjit as dr
+
+    return dr.depth_v(type(state)) > 1
 
 
 def _permuted(state: Any) -> Any:
@@ -125,7 +139,7 @@ class Draw:
         state after the draw. `alpha`, `p_glossy` count where `needs_lobe` says so."""
         import drjit as dr
 
-        no = dr.mask_t(state)(False)
+        no = dr.mask_t(n.z)(False)
         if self.strategy == "uniform":
             a, b, state = rand2(state)
             return sample_uniform(n, a, b), no, state

@@ -35,11 +35,11 @@ def is_exact(strategy: StrategyResult) -> bool:
 
 
 def slope_mark(strategy: StrategyResult) -> Mark:
-    """Is the slope -1/2? pass: shown; fail: shown not to be; else inconclusive; `exact` without noise, empty if not
-    fitted."""
+    """Is the slope what the sampler promises, -1/2 of independent samples? pass: shown; fail: shown not to be; else
+    inconclusive; `exact` without noise, empty if not fitted."""
     if strategy.slope is None:
         return "exact" if is_exact(strategy) else ""
-    return slope_verdict(strategy.slope, EXPECTED_SLOPE, SLOPE_TOLERANCE)
+    return slope_verdict(strategy.slope, strategy.expected, SLOPE_TOLERANCE)
 
 
 def error_text(strategy: StrategyResult, channel: int, *, unit: bool = True) -> str:
@@ -75,11 +75,23 @@ def verdict_table(results: Sequence[StudyResult], anchors: Sequence[str]) -> Tab
         f"outside, {SYMBOLS['inconclusive']} undecided by these samples. Slope: of RMSE against samples per pixel on "
         f"log axes. The Monte Carlo rate is {formats.MINUS}1/2; yes: the slope's whole interval lies within "
         f"{formats.number(EXPECTED_SLOPE - SLOPE_TOLERANCE, 2)} … "
-        f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}, no: it lies outside, not shown: it reaches across.")
+        f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}, no: it lies outside, not shown: it reaches across."
+        f"{_evenly_text(results)}")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Samples\nper pixel", "right"),
                Column("Mean error", "right"), Column("Mean"), Column("Larger\ntiles"), Column("Smaller\ntiles"),
                Column("Slope", "right"), Column(f"Slope\n{formats.MINUS}1/2?"))
     return Table(caption, columns, tuple(rows), tuple(rules), long=True)
+
+
+def _evenly_text(results: Sequence[StudyResult]) -> str:
+    """What is expected of samples that are spread evenly, where there are such."""
+    steepest = min(min(strategy.expected) for result in results for strategy in result.strategies)
+    if steepest >= EXPECTED_SLOPE:
+        return ""
+    return (f" Where samples are spread evenly ({formats.MINUS}1 of smooth pixels, {formats.MINUS}3/4 of edges, "
+            f"{formats.MINUS}1/2 of what hangs on many numbers), yes: it lies between "
+            f"{formats.number(steepest - SLOPE_TOLERANCE, 2)} and "
+            f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}.")
 
 
 def _verdict_cells(strategy: StrategyResult) -> tuple[Cell, ...]:

@@ -61,6 +61,7 @@ class StrategyResult:
     verdict: MeanErrorVerdict
     tiles: Tiles
     slope: Slope | None  # None where the strategy has no variance to converge from
+    expected: tuple[float, ...] = (-0.5,)  # slopes that its sampler promises: of smooth pixels, edges, many numbers
 
     @cached_property
     def spp(self) -> np.ndarray:

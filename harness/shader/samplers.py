@@ -50,6 +50,11 @@ def sampler_named(name: str) -> Sampler:
     raise HarnessError(f"unknown sampler '{name}'; choose from {', '.join(SAMPLERS)}")
 
 
+def named(strategy: str, sampler: str) -> str:
+    """What an estimator of both is called: by its strategy alone where the sampler is the usual one."""
+    return strategy if sampler == DEFAULT else f"{strategy} {sampler}"
+
+
 def with_sampler(library: Library, name: str) -> Library:
     """The library with the numbers of this sampler.
 

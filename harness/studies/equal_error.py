@@ -18,7 +18,7 @@ class Cost:
 
     `sample_gain`, `time_gain`: how many times less than the baseline it needs; `variance_ratio`: the baseline's
     variance of one sample over its own, which `sample_gain` equals where both converge as N^(-1/2); None for the
-    baseline itself.
+    baseline itself, and where samples are spread evenly.
     """
 
     strategy: StrategyResult
@@ -62,9 +62,12 @@ def equal_error(result: StudyResult) -> EqualError | None:
         if strategy is baseline:
             costs.append(Cost(strategy, own, time, None, None, None))
             continue
+        # One sample has a variance of its own where samples are independent.
+        alone = all(min(s.expected) == max(s.expected) for s in (baseline, strategy))
         variances = [sample_variance(s.spp, s.curves["rmse"], slope.confidence) for s in (baseline, strategy)]
         faster = seconds.over(time if same else own.times(math.nan))
-        costs.append(Cost(strategy, own, time, samples.over(own), faster, variances[0].over(variances[1])))
+        costs.append(Cost(strategy, own, time, samples.over(own), faster,
+                          variances[0].over(variances[1]) if alone else None))
     return EqualError(target, baseline.strategy, tuple(costs))
 
 

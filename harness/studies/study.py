@@ -1,4 +1,4 @@
-"""Convergence studies: several strategies on one scene against one reference, as curves, verdicts and costs."""
+"""Convergence studies: strategies and samplers on one scene against one reference, as curves, verdicts and costs."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminanc
 from harness.samples.spent import spent
 from harness.samples.store import Store
 from harness.scene import Film, Scene, SceneFile, describe, file_of, load, present
+from harness.shader.samplers import DEFAULT, sampler_named
 from harness.shader.strategies import Suited, suitable_strategies
 from harness.stats.bias import error_scale
 from harness.stats.convergence import fit_slope
@@ -49,14 +50,15 @@ from harness.work.tasks import draw, tasks_of
 EXACT = 1e-3
 
 
-def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None = None, *, spp: int = 1024,
-          replicas: int = 8, max_replicas: int | None = None, reference_spp: int | None = None,
-          reference: Estimate | None = None, tolerance: float | None = None, confidence: float = CONFIDENCE,
-          family: int | None = None, store: Store | None = None, executor: Executor | None = None,
-          progress: Progress = quiet) -> StudyResult:
+def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None = None, *,
+          samplers: Sequence[str] = (DEFAULT,), spp: int = 1024, replicas: int = 8,
+          max_replicas: int | None = None, reference_spp: int | None = None, reference: Estimate | None = None,
+          tolerance: float | None = None, confidence: float = CONFIDENCE, family: int | None = None,
+          store: Store | None = None, executor: Executor | None = None, progress: Progress = quiet) -> StudyResult:
     """Convergence curves, verdict and cost of each strategy on one scene, against one reference.
 
     `strategies`: of the tracer by name, or any other estimators; all of the tracer's that suit the scene where None.
+    `samplers`: of the tracer by name; each strategy that is named is studied with each of them.
     `spp`: samples per pixel of each replica; where `replicas` are too few to decide, more are added, up to
     `max_replicas` (16 x replicas by default). `reference`: a ready one (closed form, file); otherwise Mitsuba renders
     `reference_spp` samples, 4 x spp by default, and up to 8 times as many where its own noise would keep the verdicts
@@ -74,7 +76,7 @@ def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None
     if replicas < 2:
         raise HarnessError(f"a study needs at least 2 replicas to tell its own uncertainty, found {replicas}")
     file = scene if isinstance(scene, SceneFile) else file_of(scene)
-    estimators = _estimators(file, strategies)
+    estimators = _estimators(file, strategies, samplers)
     film, reading = file.film, _reading(file, estimators)
     allowed, reason = _tolerance(reading, tolerance)
     suiting = sum(not estimator.check(file) for estimator in estimators)
@@ -103,14 +105,17 @@ def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None
         provenance=_provenance(file, film, reading, plan, reference))
 
 
-def _estimators(file: SceneFile, named: Sequence[str | Estimator] | None) -> tuple[Estimator, ...]:
+def _estimators(file: SceneFile, named: Sequence[str | Estimator] | None,
+                samplers: Sequence[str]) -> tuple[Estimator, ...]:
     """What is studied, each once; HarnessError for two that have one name."""
-    names = named or suitable_strategies(load(file))
-    found = tuple(dict.fromkeys(Tracer(name) if isinstance(name, str) else name for name in names))
+    found: dict[Estimator, None] = {}
+    for name in named or suitable_strategies(load(file)):
+        each = [Tracer(name, sampler=sampler) for sampler in samplers] if isinstance(name, str) else [name]
+        found |= dict.fromkeys(each)
     called = [estimator.name for estimator in found]
     if twice := next((name for name in called if called.count(name) > 1), None):
         raise HarnessError(f"two of the estimators are called '{twice}'; a study tells them apart by their names")
-    return found
+    return tuple(found)
 
 
 def _reading(file: SceneFile, estimators: Sequence[Estimator]) -> Scene | None:
@@ -198,7 +203,7 @@ class _Replicas:
         self.curves.append(curve)
 
     @spent("statistics")
-    def result(self, plan: Plan, file: SceneFile) -> StrategyResult:
+    def result(self, plan: Plan, file: SceneFile, expected: tuple[float, ...]) -> StrategyResult:
         merged = self.total.estimate()
         strategy, scene, reference = self.strategy, self.scene, self.reference.estimate
         curves = {name: np.array([[point[name] for point in curve] for curve in self.curves])
@@ -219,7 +224,7 @@ class _Replicas:
                           fail_level=plan.fail_level),
             tiles=judge_tiles(self.tiles.samples(), self.reference.tiles, plan.tolerance, fail_level=plan.fail_level,
                               pass_level=1 - plan.confidence),
-            slope=None if _is_exact(merged) or len(spp) < 3 else fit_slope(spp, curves["rmse"]))
+            slope=None if _is_exact(merged) or len(spp) < 3 else fit_slope(spp, curves["rmse"]), expected=expected)
 
 
 @dataclass(frozen=True)
@@ -255,7 +260,8 @@ def _study_estimator(file: SceneFile, film: Film, estimator: Estimator, referenc
         more = replicas_needed(run.total.estimate(), reference.estimate, plan.replicas, plan.tolerance.mean)
         more = min(more - plan.replicas, plan.max_replicas - plan.replicas) if strategy.suits else 0
         drawing.grow(run, estimator, file, more, f"{file.name} {estimator.name}, more to decide")
-        return run.result(plan, file)
+        sampler = sampler_named(estimator.sampler if isinstance(estimator, Tracer) else DEFAULT)
+        return run.result(plan, file, tuple(dict.fromkeys(sampler.slopes)))
 
 
 def _is_exact(estimate: Estimate) -> bool:

@@ -24,6 +24,10 @@ _FINE_SLOPE = 0.001  # half widths below this have a fourth decimal
 _MIN_TICKS, _MAX_TICKS = 3, 6
 # Merged estimates of several strategies share one number of samples: their error bars stand side by side.
 _DODGE = 1.12
+# The rate of independent samples; those of samples that are spread evenly, and how they are drawn.
+EXPECTED_SLOPE = -0.5
+_GUIDE_LINES: dict[float, tuple[float, tuple[float, float]]] = {-0.75: (0, (4, 2)), -1.0: (0, (1, 1.5))}
+_GUIDE_WORDS = {-0.75: f"slope {MINUS}3/4, of edges", -1.0: f"slope {MINUS}1, of smooth pixels"}
 
 
 def curves_svg(result: StudyResult) -> bytes:
@@ -49,11 +53,14 @@ def curves(result: StudyResult) -> Figure:
 
 
 def _rmse_panel(axes: Axes, result: StudyResult) -> None:
-    """RMSE on log-log axes over grey diagonals of slope -1/2."""
+    """RMSE on log-log axes over grey diagonals of slope -1/2, and of the others that are expected, each from where a
+    curve begins."""
     _spp_axis(axes, result)
     axes.set_yscale("log")
     _draw_bands(axes, result, lambda strategy: strategy.curves["rmse"], log=True)
     _slope_guides(axes)
+    for strategy in result.strategies:
+        _expected_guides(axes, strategy)
     axes.yaxis.set_major_locator(FixedLocator(_log_ticks(*axes.get_ylim())))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
     axes.yaxis.set_minor_locator(NullLocator())
@@ -122,8 +129,11 @@ def _draw_bands(axes: Axes, result: StudyResult, values: Callable[[StrategyResul
 
 
 def _line(strategy: StrategyResult) -> dict[str, Any]:
-    """Dashed, with hollow markers, where the strategy does not suit the scene."""
-    return {} if strategy.suits else {"linestyle": (0, (3, 2)), "markerfacecolor": "white"}
+    """Dashed, with hollow markers, where the strategy does not suit the scene; dotted where samples are spread
+    evenly."""
+    if not strategy.suits:
+        return {"linestyle": (0, (3, 2)), "markerfacecolor": "white"}
+    return {} if min(strategy.expected) >= EXPECTED_SLOPE else {"linestyle": (0, (1, 1.2))}
 
 
 def _spp_axis(axes: Axes, result: StudyResult, *, merged: bool = False) -> None:
@@ -148,6 +158,21 @@ def _slope_guides(axes: Axes) -> None:
         axes.plot(x, 10**exponent * x**-0.5, color=GUIDE_COLOUR, linewidth=0.4, zorder=0)
     axes.set_xlim(left, right)
     axes.set_ylim(bottom, top)
+
+
+def _expected_guides(axes: Axes, strategy: StrategyResult) -> None:
+    """Other slopes than -1/2 that a strategy may show, drawn from the first point of its curve."""
+    steeper = [slope for slope in strategy.expected if slope != EXPECTED_SLOPE]
+    mean = band(strategy.curves["rmse"], strategy.verdict.confidence, geometric=True)[0]
+    if not steeper or not np.isfinite(mean[0]):
+        return
+    limits = axes.get_xlim(), axes.get_ylim()
+    spp = strategy.spp.astype(float)
+    for slope in steeper:
+        axes.plot(spp, mean[0] * (spp / spp[0]) ** slope, color=GUIDE_COLOUR, linewidth=0.6, zorder=0,
+                  linestyle=_GUIDE_LINES[slope])
+    axes.set_xlim(limits[0])
+    axes.set_ylim(limits[1])
 
 
 def _log_ticks(low: float, high: float) -> list[float]:
@@ -182,4 +207,7 @@ def _legend_handles(result: StudyResult) -> list[Line2D]:
         handles.append(Line2D([], [], color=style.colour, marker=style.marker,
                               label=f"{strategy.strategy}{remark}: {_slope_words(strategy)}", **_line(strategy)))
     handles.append(Line2D([], [], color=GUIDE_COLOUR, linewidth=0.8, label=f"slope {MINUS}1/2"))
+    others = {slope for strategy in result.strategies for slope in strategy.expected} - {EXPECTED_SLOPE}
+    handles += [Line2D([], [], color=GUIDE_COLOUR, linewidth=0.8, linestyle=_GUIDE_LINES[slope],
+                       label=_GUIDE_WORDS[slope]) for slope in sorted(others, reverse=True)]
     return handles

@@ -72,6 +72,7 @@ _OTHERS = (Style("#56b4e9", "P", "✚"), Style("#000000", "X", "✖"), Style("#8
 
 
 def strategy_style(strategy: str) -> Style:
-    """The style of a strategy; a strategy this table does not know gets a spare one, always the same."""
-    known = _STYLES.get(strategy)
+    """The style of a strategy, whatever its sampler, whose name follows; a strategy this table does not know gets a
+    spare one, always the same."""
+    known = _STYLES.get(strategy.partition(" ")[0])
     return known if known is not None else _OTHERS[sum(strategy.encode()) % len(_OTHERS)]
