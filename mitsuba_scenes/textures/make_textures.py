@@ -7,6 +7,7 @@
     wear.png    32 x 32, grey, meant to be read `raw`: 0 to 1, for exponents and masks
     window.exr  32 x 32, radiance: four panes of different colours
     day_night.exr  16 x 12, radiance: a sky whose first column is day and whose last is night
+    sun.exr     128 x 64, radiance: a clear sky over dark ground, and in one texel of it a sun that gives most of the light
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def main() -> None:
     """Write all images."""
     mi = import_mitsuba()
     for name, pixels in (("sky.exr", sky()), ("tiles.png", tiles()), ("leaves.png", leaves()), ("wear.png", wear()),
-                         ("window.exr", window()), ("day_night.exr", day_night())):
+                         ("window.exr", window()), ("day_night.exr", day_night()), ("sun.exr", sun())):
         mi.Bitmap(np.ascontiguousarray(pixels)).write(str(FOLDER / name))
 
 
@@ -90,6 +91,20 @@ def day_night() -> np.ndarray:
     gone = (np.arange(16)[:, None] / 15) ** 0.5
     height = np.linspace(1.0, 0.5, 12)[:, None, None]
     return (height * (day + (night - day) * gone)).astype(np.float32)
+
+
+def sun() -> np.ndarray:
+    """(64, 128, 3) float32; the sun is one texel 33° up, 2.8° wide at half its height, in 2e-3 steradians.
+
+    Radiances are multiples of 1/256, so that the file is small.
+    """
+    height, width = 64, 128
+    up = np.cos(np.arange(height) / (height - 1) * np.pi)[:, None, None]
+    zenith, horizon, ground = np.array([0.12, 0.25, 0.6]), np.array([0.55, 0.6, 0.65]), np.array([0.1, 0.09, 0.07])
+    rows = np.where(up > 0, horizon + (zenith - horizon) * np.clip(up, 0, 1) ** 0.4, ground)
+    image = np.repeat(np.round(rows * 256) / 256, width, axis=1).astype(np.float32)
+    image[20, 45] = (3000, 2700, 2200)
+    return image
 
 
 if __name__ == "__main__":
