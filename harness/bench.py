@@ -12,7 +12,7 @@ from harness.estimators.base import Estimator, Renderer
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
 from harness.progress import Progress, quiet
-from harness.results import Benchmark, BenchRow, SamplerRow
+from harness.results import Benchmark, BenchRow, EntrantRow
 from harness.samples import json
 from harness.samples.estimate import Accumulator
 from harness.scene import SceneFile
@@ -120,11 +120,11 @@ def _opponent(case: Case) -> Estimator:
 
 def save(found: Benchmark, path: Path) -> None:
     """Write what was found and the versions it was measured with as JSON, for the report."""
-    json.save(path, {"rows": found.rows, "samplers": found.samplers, "versions": versions()})
+    json.save(path, {"rows": found.rows, "entrants": found.entrants, "versions": versions()})
 
 
 def load(path: Path) -> Benchmark:
     """What `save` wrote; StoreError where the file is not one."""
     return json.load(path, lambda held: Benchmark(tuple(json.built(BenchRow, row) for row in held["rows"]),
-                                                  tuple(json.built(SamplerRow, row) for row in held["samplers"])),
+                                                  tuple(json.built(EntrantRow, row) for row in held["entrants"])),
                      what="a benchmark result", mend="run `harness bench` again")

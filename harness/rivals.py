@@ -1,11 +1,12 @@
-"""The tracer against Mitsuba's `path` under each of Mitsuba's samplers: who reaches the same error sooner, by how much.
+"""The tracer against Mitsuba's `path`, on every scene, each with its own samplers: who reaches the same error sooner.
 
-All but the independent sampler stratify the samples of a replica, which then depend on each other. So variance comes
-from whole replicas alone, each one call of Mitsuba, and never from batches within one.
+Nearly all samplers make the samples of a replica depend on each other. So variance comes from whole replicas alone,
+each one call of its renderer, and never from batches within one.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -16,29 +17,24 @@ import numpy as np
 from harness.estimators.base import Renderer
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
+from harness.files import data_dir
 from harness.policy import CONFIDENCE
 from harness.progress import Progress, quiet
-from harness.results import SamplerRow
-from harness.scene import SceneFile
+from harness.results import EntrantRow
+from harness.scene import SceneFile, load
+from harness.scene.lights import lights_sampled
 from harness.scene.sensors import SAMPLERS
+from harness.shader.samplers import SAMPLERS as OUR_SAMPLERS
 from harness.stats.convergence import jackknife
 from harness.stats.efficiency import Factor
 
 INTEGRATOR = "path"
-# Samples per pixel of a replica: a square, so that none of the samplers but `orthogonal` rounds it up.
+# Samples per pixel of a replica: a square, so that none of Mitsuba's samplers but `orthogonal` rounds it up.
 SPP = 64
-
-
-@dataclass(frozen=True)
-class Contest:
-    """A scene, and the strategy that the tracer enters with."""
-
-    scene: str
-    strategy: str
-
-
-CONTESTS = (Contest("diffuse", "cosine"), Contest("spheres", "mixture"), Contest("environment", "mixture"),
-            Contest("displaced", "mixture"))
+# Pixels across; the film's shape is the scene's. Neither ratios of variances nor of costs hang on it.
+WIDTH = 96
+# What the tracer enters with; those with lights where a scene has lights to sample.
+PLAIN, LIT = ("mixture",), ("mixture", "nee", "mis")
 
 
 @dataclass
@@ -72,36 +68,40 @@ class _Entrant:
         return Factor(math.exp(value), math.exp(value - half), math.exp(value + half))
 
 
-def run(contests: Sequence[Contest] = CONTESTS, replicas: int = 8, progress: Progress = quiet) -> list[SamplerRow]:
-    """One row a contest and sampler: the renderers in turn, `replicas` times (at least 4)."""
-    rows: list[SamplerRow] = []
-    with progress(len(contests) * replicas, "samplers at equal error") as advance:
-        for contest in contests:
-            rows += _hold(contest, replicas, advance)
+def run(scenes: Sequence[str] | None = None, replicas: int = 8, progress: Progress = quiet) -> list[EntrantRow]:
+    """The rows of some bundled scenes, of all where None: all renderers in turn, `replicas` times (at least 4)."""
+    names = sorted(path.stem for path in data_dir("mitsuba_scenes").glob("*.xml")) if scenes is None else scenes
+    rows: list[EntrantRow] = []
+    with progress(len(names) * replicas, "the same error, how soon") as advance:
+        for name in names:
+            rows += _hold(name, replicas, advance)
     return rows
 
 
-def _hold(contest: Contest, replicas: int, advance: Callable[[float], None]) -> list[SamplerRow]:
-    scene = SceneFile.bundled(contest.scene)
+def _hold(name: str, replicas: int, advance: Callable[[float], None]) -> list[EntrantRow]:
+    film = SceneFile.bundled(name).film
+    scene = SceneFile.bundled(name, (WIDTH, max(1, round(WIDTH * film.height / film.width))))
+    strategies = LIT if lights_sampled(load(scene), "mis") else PLAIN
     with ExitStack() as stack:
-        ours = _Entrant(stack.enter_context(Tracer(contest.strategy).open(scene)), SPP)
-        theirs = {}
+        entrants: dict[tuple[str, str, str], _Entrant] = {}
+        for strategy, sampler in itertools.product(strategies, OUR_SAMPLERS):
+            renderer = stack.enter_context(Tracer(strategy, sampler=sampler).open(scene))
+            entrants["tracer", strategy, sampler] = _Entrant(renderer, SPP)
         for sampler in SAMPLERS:
-            renderer = stack.enter_context(Mitsuba(INTEGRATOR, sampler=sampler).open(scene))
-            theirs[sampler] = _Entrant(renderer, min(SPP, renderer.samples_per_call))
-        for entrant in (ours, *theirs.values()):
+            theirs = stack.enter_context(Mitsuba(INTEGRATOR, sampler=sampler).open(scene))
+            entrants[INTEGRATOR, "", sampler] = _Entrant(theirs, min(SPP, theirs.samples_per_call))
+        for entrant in entrants.values():
             entrant.warm_up()
         for number in range(replicas):
-            for entrant in (ours, *theirs.values()):
+            for entrant in entrants.values():
                 entrant.enter(1 + number)
             advance(1)
-    efficiency = {sampler: entrant.efficiency() for sampler, entrant in theirs.items()}
-    plain, mine = efficiency["independent"], ours.efficiency()
-    best = max(efficiency, key=lambda sampler: efficiency[sampler].value)
-    return [SamplerRow(contest.scene, contest.strategy, INTEGRATOR, sampler, theirs[sampler].spp, sampler == best,
-                       of.value / plain.value, *_interval(mine.over(of)))
-            for sampler, of in efficiency.items()]
-
-
-def _interval(factor: Factor) -> tuple[float, float, float]:
-    return factor.value, factor.low, factor.high
+    efficiency = {key: entrant.efficiency() for key, entrant in entrants.items()}
+    best = {renderer: max((key for key in entrants if key[0] == renderer), key=lambda key: efficiency[key].value)
+            for renderer in ("tracer", INTEGRATOR)}
+    rows = []
+    for key, entrant in entrants.items():
+        against = efficiency[best[INTEGRATOR]]
+        factor = Factor(1.0, 1.0, 1.0) if key == best[INTEGRATOR] else efficiency[key].over(against)
+        rows.append(EntrantRow(name, *key, entrant.spp, key in best.values(), factor.value, factor.low, factor.high))
+    return rows

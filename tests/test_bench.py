@@ -20,7 +20,7 @@ from harness.errors import StoreError
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import FEATURES, Tracer
 from harness.files import data_dir
-from harness.results import Benchmark, BenchRow, SamplerRow
+from harness.results import Benchmark, BenchRow, EntrantRow
 from harness.samples.cost import Cost
 from harness.samples.estimate import Batch
 from harness.scene import SceneFile, load_scene
@@ -29,7 +29,7 @@ from tests.support.fakes import NoiseRenderer
 CASE = Case("diffuse", "cosine", "path", needed=5.0)
 ROW = BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.5, opponent_rate=2.5, ratio=5.1, low=4.75,
                high=5.5, wall_ratio=5.0, efficiency_ratio=3.25)
-SAMPLER = SamplerRow("diffuse", "cosine", "path", "multijitter", 64, best=True, gain=6.1, ratio=1.12, low=1.0, high=1.3)
+ENTRANT = EntrantRow("cornell", "tracer", "mis", "sobol", 64, best=True, ratio=4.12, low=3.75, high=4.5)
 
 
 class Paced(NoiseRenderer):
@@ -150,31 +150,35 @@ def stratified(paced: Paced, replica: int, start: int, count: int,
     return dataclasses.replace(batch, mean=1 + (batch.mean - 1) * np.float32(math.sqrt(0.1)))
 
 
-class TestSamplers:
-    """Mitsuba's samplers at equal error, one row each."""
+class TestEntrants:
+    """Strategies and samplers at equal error, one row each."""
 
     @pytest.fixture
-    def rows(self, paced: list[Paced], monkeypatch: pytest.MonkeyPatch) -> dict[str, SamplerRow]:
+    def rows(self, paced: list[Paced], monkeypatch: pytest.MonkeyPatch) -> dict[tuple[str, str], EntrantRow]:
         monkeypatch.setattr(Paced, "samples_per_call", 256, raising=False)
         monkeypatch.setattr(MitsubasPace, "render_batch", stratified)
-        found = rivals.run([rivals.Contest("diffuse", "cosine")], replicas=60)
-        return {row.sampler: row for row in found}
+        found = rivals.run(["cornell"], replicas=60)
+        return {(row.strategy, row.sampler): row for row in found}
 
-    def test_the_best_is_named(self, rows: dict[str, SamplerRow]) -> None:
-        assert [name for name, row in rows.items() if row.best] == ["multijitter"]
-        assert rows["independent"].gain == 1.0
+    def test_the_best_of_each_renderer_is_named(self, rows: dict[tuple[str, str], EntrantRow]) -> None:
+        assert [key for key, row in rows.items() if row.best and row.renderer == "path"] == [("", "multijitter")]
+        assert sum(row.best for row in rows.values()) == 2
+        assert rows["", "multijitter"].ratio == 1.0
+        assert rows["", "independent"].ratio == pytest.approx(0.1, rel=0.2)
 
-    def test_variance_is_that_of_replicas(self, rows: dict[str, SamplerRow]) -> None:
+    def test_variance_is_that_of_replicas(self, rows: dict[tuple[str, str], EntrantRow]) -> None:
         """Four times the variance at a sixth of the price: 1.5 times as soon; against the better a tenth of that."""
-        plain, better = rows["independent"], rows["multijitter"]
-        assert plain.low < 1.5 < plain.high
-        assert better.low < 0.15 < better.high and better.high < 0.5
-        assert better.gain == pytest.approx(10, rel=0.2)
+        plain = rows["mixture", "independent"]
+        assert plain.low < 0.15 < plain.high and plain.high < 0.5
+
+    def test_lights_are_sampled_where_a_scene_has_some(self, rows: dict[tuple[str, str], EntrantRow]) -> None:
+        assert {strategy for strategy, _ in rows} == {"", "mixture", "nee", "mis"}
+        assert {row.strategy for row in rivals.run(["diffuse"], replicas=4)} == {"", "mixture"}
 
     def test_no_replica_counts_twice_and_none_while_kernels_compile(
-        self, rows: dict[str, SamplerRow], paced: list[Paced],
+        self, rows: dict[tuple[str, str], EntrantRow], paced: list[Paced],
     ) -> None:
-        assert len(paced) == 6 and all(renderer.released for renderer in paced)
+        assert len(paced) == len(rows) and all(renderer.released for renderer in paced)
         for renderer in paced:
             assert renderer.calls == [(replica, 0, rivals.SPP) for replica in range(61)]
 
@@ -204,7 +208,7 @@ class TestFile:
 
     def test_read_back_what_was_saved(self, tmp_path: Path) -> None:
         rows = (ROW, dataclasses.replace(ROW, scene="größer", ratio=float(np.nextafter(5, 6))))
-        found = Benchmark(rows, (SAMPLER,))
+        found = Benchmark(rows, (ENTRANT,))
         bench.save(found, tmp_path / "new" / "bench.json")
         assert bench.load(tmp_path / "new" / "bench.json") == found
 
@@ -216,9 +220,9 @@ class TestFile:
     @pytest.mark.parametrize("content", [
         b"", b"{", b"\xff\xfe", b"[]", b"{}", b'{"rows": 3}', b'{"rows": [3]}', b'{"rows": [{"scene": "x"}]}',
         b'{"rows": []}',
-        json.dumps({"rows": [{**dataclasses.asdict(ROW), "ratio": "fast"}], "samplers": []}).encode(),
-        json.dumps({"rows": [{**dataclasses.asdict(ROW), "ratio": None}], "samplers": []}).encode(),
-        json.dumps({"rows": [], "samplers": [{**dataclasses.asdict(SAMPLER), "best": "yes"}]}).encode(),
+        json.dumps({"rows": [{**dataclasses.asdict(ROW), "ratio": "fast"}], "entrants": []}).encode(),
+        json.dumps({"rows": [{**dataclasses.asdict(ROW), "ratio": None}], "entrants": []}).encode(),
+        json.dumps({"rows": [], "entrants": [{**dataclasses.asdict(ENTRANT), "best": "yes"}]}).encode(),
     ])
     def test_that_is_malformed_is_refused_in_one_line(self, tmp_path: Path, content: bytes) -> None:
         path = tmp_path / "bench.json"
@@ -242,7 +246,7 @@ class TestCommand:
     def measured(self, monkeypatch: pytest.MonkeyPatch) -> list[BenchRow]:
         rows = [ROW]
         monkeypatch.setattr(bench, "run", lambda rounds, progress: rows)
-        monkeypatch.setattr(rivals, "run", lambda replicas, progress: [SAMPLER])
+        monkeypatch.setattr(rivals, "run", lambda replicas, progress: [ENTRANT])
         return rows
 
     @pytest.mark.parametrize(("ratio", "status"), [(5.0, 0), (4.99, 1)])
@@ -261,11 +265,11 @@ class TestCommand:
             "diffuse", "cosine", "path", "12.5", "2.50", "5.10x", "4.75-5.50", "5x", "5.00x", "3.25x"]
         assert output.err == ""
         assert output.out.splitlines()[-1].split() == [
-            "diffuse", "cosine", "path", "multijitter", "6.10x", "1.12x", "1.00-1.30", "best"]
-        assert bench.load(tmp_path / "bench.json") == Benchmark((ROW,), (SAMPLER,))
+            "cornell", "tracer", "mis", "sobol", "4.12x", "3.75-4.50", "best"]
+        assert bench.load(tmp_path / "bench.json") == Benchmark((ROW,), (ENTRANT,))
 
     def test_json_is_one_object(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert main(["bench", "-o", str(tmp_path / "bench.json"), "--json"]) == 0
         answer = json.loads(capsys.readouterr().out)
-        assert answer == {"rows": [dataclasses.asdict(ROW)], "samplers": [dataclasses.asdict(SAMPLER)],
+        assert answer == {"rows": [dataclasses.asdict(ROW)], "entrants": [dataclasses.asdict(ENTRANT)],
                           "output": str(tmp_path / "bench.json")}

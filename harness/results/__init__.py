@@ -1,6 +1,6 @@
 """What studies, gates, exhibits, benchmarks and mutants found, as plain values: read by `report` and the commands."""
 
-from harness.results.bench import Benchmark, BenchRow, SamplerRow
+from harness.results.bench import Benchmark, BenchRow, EntrantRow
 from harness.results.exhibits import Exhibit, ExhibitImage, Finding, Plot, Series
 from harness.results.gates import (
     AgreementRecord,
@@ -24,6 +24,7 @@ __all__ = [
     "BenchRow",
     "Benchmark",
     "CoupledRecord",
+    "EntrantRow",
     "Exhibit",
     "ExhibitImage",
     "Finding",
@@ -38,7 +39,6 @@ __all__ = [
     "PointRecord",
     "Record",
     "RungRecord",
-    "SamplerRow",
     "Series",
     "StrategyResult",
     "StudyResult",

@@ -29,21 +29,20 @@ class BenchRow:
 
 
 @dataclass(frozen=True)
-class SamplerRow:
-    """One of Mitsuba's samplers in the benchmark, under the integrator `integrator`, `spp` samples per pixel a replica.
+class EntrantRow:
+    """One renderer at equal error: the tracer with a strategy and a sampler, or Mitsuba's `path` with one of its own.
 
-    `gain`: how much sooner than with Mitsuba's independent sampler the same error is reached, by the clock that counts;
-    `best`: whether no other gains more. `ratio`: how much sooner the tracer reaches it than Mitsuba does with this one,
-    `low` and `high`: its 95 % interval over replicas.
+    `renderer`: `tracer` or `path`; `strategy`: of the tracer, empty for the other; `spp`: samples per pixel of a
+    replica. `ratio`: how much sooner than Mitsuba's best it reaches the same error, by the clock that counts, `low` and
+    `high` its 95 % interval over replicas. `best`: whether no other of its renderer is sooner.
     """
 
     scene: str
+    renderer: str
     strategy: str
-    integrator: str
     sampler: str
     spp: int
     best: bool
-    gain: float
     ratio: float
     low: float
     high: float
@@ -54,4 +53,4 @@ class Benchmark:
     """All that `harness bench` measured."""
 
     rows: tuple[BenchRow, ...] = ()
-    samplers: tuple[SamplerRow, ...] = ()
+    entrants: tuple[EntrantRow, ...] = ()

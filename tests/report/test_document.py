@@ -23,7 +23,7 @@ from harness.report.blocks import Document
 from harness.report.chapters import scenes
 from harness.report.document import compose
 from harness.report.pages.typst import typeset
-from harness.results import Benchmark, BenchRow, SamplerRow, StrategyResult, StudyResult
+from harness.results import Benchmark, BenchRow, EntrantRow, StrategyResult, StudyResult
 from harness.stats.bias import MeanErrorVerdict
 from harness.stats.convergence import Slope
 from harness.stats.findings import TileFinding
@@ -34,8 +34,8 @@ BENCH = Benchmark((
                   high=6.7, wall_ratio=5.6, efficiency_ratio=6.8),
          BenchRow("spheres", "mixture", "bsdf_path", needed=4.0, tracer_rate=9.2, opponent_rate=2.7, ratio=3.4, low=3.3,
                   high=3.6, wall_ratio=3.2, efficiency_ratio=3.3)), (
-         SamplerRow("diffuse", "cosine", "path", "independent", 64, best=False, gain=1.0, ratio=6.8, low=6.1, high=7.5),
-         SamplerRow("diffuse", "cosine", "path", "multijitter", 64, best=True, gain=6.1, ratio=1.1, low=1.0, high=1.2)))
+         EntrantRow("cornell", "tracer", "mis", "sobol", 64, best=True, ratio=4.8, low=4.1, high=5.5),
+         EntrantRow("cornell", "path", "", "multijitter", 64, best=True, ratio=1.0, low=1.0, high=1.0)))
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,7 @@ def test_a_benchmark_shows_which_targets_were_missed(output: Path) -> None:
 def test_the_best_of_mitsubas_samplers_is_named(output: Path) -> None:
     chapters = json.loads((output / "report.json").read_text())["chapters"]
     _, sentence, table = next(chapter for chapter in chapters if chapter["title"] == "Speed")["blocks"]
-    assert "1.1\xa0× (diffuse, multijitter)" in sentence["text"]
+    assert "4.8\xa0× (cornell, mis sobol)" in sentence["text"]
     assert [[cell["text"] for cell in row][-3:] for row in table["rows"]] == [
         ["1.0\xa0×", "6.8\xa0×\xa0[6.1,\xa07.5]", ""], ["6.1\xa0×", "1.1\xa0×\xa0[1.0,\xa01.2]", "best"]]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from harness.report import formats
 from harness.report.blocks import Cell, Chapter, Column, Mark, Paragraph, Table
 from harness.report.inputs import Inputs
-from harness.results import BenchRow, SamplerRow
+from harness.results import BenchRow, EntrantRow
 
 PLACE = 60
 TITLE, ANCHOR = "Speed", "speed"
@@ -16,7 +16,7 @@ TITLE, ANCHOR = "Speed", "speed"
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, where a benchmark was run."""
     if inputs.bench:
-        yield Chapter(TITLE, ANCHOR, (speed_table(inputs.bench.rows), *_equal_error(inputs.bench.samplers)))
+        yield Chapter(TITLE, ANCHOR, (speed_table(inputs.bench.rows), *_equal_error(inputs.bench.entrants)))
 
 
 def speed_table(rows: Sequence[BenchRow]) -> Table:
@@ -35,27 +35,40 @@ def speed_table(rows: Sequence[BenchRow]) -> Table:
     return Table(caption, columns, tuple(map(_row, rows)))
 
 
-def _equal_error(rows: Sequence[SamplerRow]) -> Iterator[Paragraph | Table]:
-    """Mitsuba's samplers, where they were measured: what the best leaves of the tracer's lead, and the table."""
-    best = [row for row in rows if row.best]
+def _equal_error(rows: Sequence[EntrantRow]) -> Iterator[Paragraph | Table]:
+    """Who reaches the same error how soon, where that was measured: the best of each scene first, then all."""
+    best = [row for row in rows if row.best and row.renderer == "tracer"]
     if not best:
         return
     least, most = min(best, key=lambda row: row.ratio), max(best, key=lambda row: row.ratio)
     yield Paragraph(
-        "More samples a second are not the same error sooner: Mitsuba's other samplers stratify what the tracer draws "
-        f"independently. Against the best of them the tracer reaches the same error {_times(least.ratio)} "
-        f"({least.scene}, {least.sampler}) to {_times(most.ratio)} ({most.scene}, {most.sampler}) as soon.")
+        "More samples a second are not the same error sooner: a sampled light and numbers that are spread evenly make "
+        "samples worth more, in both renderers. On each scene the tracer's best strategy and sampler were held against "
+        f"Mitsuba's path integrator with the best of Mitsuba's samplers: it reaches the same error "
+        f"{_times(least.ratio)} ({least.scene}, {least.strategy} {least.sampler}) to {_times(most.ratio)} "
+        f"({most.scene}, {most.strategy} {most.sampler}) as soon.")
     caption = (
-        "The same error, by the clock that counts: 1 / (variance of a replica × time) of Mitsuba's samplers and of the "
-        "tracer, in turns in one run. Variance is that of whole replicas, since samples of one depend on each other. "
-        "Gain: over Mitsuba's independent sampler. Tracer: how much sooner it gets there than Mitsuba does with this "
-        f"sampler, with its 95{formats.NBSP}% interval.")
-    columns = (Column("Scene", share=1), Column("Strategy"), Column("Integrator"), Column("Sampler"),
-               Column("spp", "right"), Column("Gain", "right"), Column("Tracer", "right"), Column("Best"))
-    yield Table(caption, columns, tuple(
-        (Cell(row.scene), Cell(row.strategy), Cell(row.integrator), Cell(row.sampler), Cell(str(row.spp)),
-         Cell(_times(row.gain)), Cell(formats.ratio(row.ratio, row.low, row.high)), Cell("best" if row.best else ""))
-        for row in rows))
+        "The same error, by the clock that counts: 1 / (variance of a replica × time), in turns in one run, as a "
+        "multiple of Mitsuba's path integrator with its best sampler, which is named, and the 95"
+        f"{formats.NBSP}% interval. Variance is that of whole replicas, since samples of one depend on each other.")
+    samplers = list(dict.fromkeys(row.sampler for row in rows if row.renderer == "tracer"))
+    columns = (Column("Scene", share=1), Column("Mitsuba's best"), Column("Strategy"),
+               *(Column(sampler, "right") for sampler in samplers), Column("Best"))
+    yield Table(caption, columns, tuple(_entered(rows, samplers)))
+
+
+def _entered(rows: Sequence[EntrantRow], samplers: Sequence[str]) -> Iterator[tuple[Cell, ...]]:
+    """One row a scene and strategy, with a cell for each of the tracer's samplers."""
+    for scene in dict.fromkeys(row.scene for row in rows):
+        of_scene = [row for row in rows if row.scene == scene]
+        theirs = next((row.sampler for row in of_scene if row.best and row.renderer != "tracer"), "")
+        ours = {(row.strategy, row.sampler): row for row in of_scene if row.renderer == "tracer"}
+        for number, strategy in enumerate(strategies := list(dict.fromkeys(strategy for strategy, _ in ours))):
+            first = (Cell(scene, rows=len(strategies)), Cell(theirs, rows=len(strategies))) if number == 0 else ()
+            found = [ours.get((strategy, sampler)) for sampler in samplers]
+            winner = next((row.sampler for row in found if row is not None and row.best), "")
+            yield (*first, Cell(strategy),
+                   *(Cell(formats.ratio(row.ratio, row.low, row.high) if row else "") for row in found), Cell(winner))
 
 
 def _times(ratio: float) -> str:
