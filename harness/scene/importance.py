@@ -180,8 +180,9 @@ def sweep(probabilities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if not len(light) or not len(heavy):  # all the same, but for rounding
         return shares, aliases
     lacking, spare = np.cumsum(1 - parts[light]), np.cumsum(parts[heavy] - 1)
-    # A light bin takes from the first heavy one that is not used up by those before it.
-    giver = np.searchsorted(spare, lacking - (1 - parts[light]), side="right")
+    # A light bin takes from the first heavy one that is not used up by those before it: by the very numbers that tell
+    # below which light bin uses a heavy one up, or where they are equal the two would differ by rounding.
+    giver = np.searchsorted(spare, np.concatenate([[0.0], lacking[:-1]]), side="right")
     shares[light], aliases[light] = parts[light], heavy[np.minimum(giver, len(heavy) - 1)]
     # The light bin that uses a heavy one up may take more than it had to spare, and the next heavy one stands in.
     taker = np.searchsorted(lacking, spare[:-1], side="left")

@@ -128,10 +128,12 @@ def test_the_table_picks_texels_as_often_as_the_density_says(compensated: bool) 
 
 
 def test_an_alias_table_is_exact() -> None:
-    """Of probabilities of any range, zeros among them, and of as many of the same."""
+    """Of probabilities of any range, zeros among them, of the same ones, and where what one bin lacks is just what
+    another has to spare."""
     rng = np.random.default_rng(4)
     for weights in (rng.random(1), np.ones(7), rng.random(1000), rng.random(1000)**30, np.eye(9)[8], np.eye(9)[0],
-                    np.r_[np.zeros(500), rng.random(500)]):
+                    np.r_[np.zeros(500), rng.random(500)], np.tile([1, 3], 4), np.tile([9, 11], 500),
+                    np.tile([9, 7, 5, 6, 6, 11, 13, 15, 14, 14], 2)):
         share, alias = sweep(weights / weights.sum())
         found = np.bincount(alias, (1 - share) / len(share), len(share)) + share / len(share)
         np.testing.assert_allclose(found, weights / weights.sum(), atol=1e-13)
