@@ -8,6 +8,8 @@ from harness.errors import HarnessError
 from harness.shader.library import Library
 
 DEFAULT = "independent"
+# The one that spreads a pixel's numbers evenly.
+EVEN = "sobol"
 # The file that samplers stand in for, function by function.
 REPLACED = "lib/random.glsl"
 
@@ -34,7 +36,7 @@ class Sampler:
 _ALL = (
     Sampler("independent", "Every number is drawn for itself, from a stream of integer hashes.",
             "Always; each batch tells its own noise.", (-0.5, -0.5, -0.5)),
-    Sampler("sobol", "The numbers of a pixel's samples are spread evenly, by Sobol's sequence in pairs, scrambled by "
+    Sampler(EVEN, "The numbers of a pixel's samples are spread evenly, by Sobol's sequence in pairs, scrambled by "
                      "hashes.",
             "Where few numbers decide a pixel: lenses, motion, direct light, few bounces. Its noise is told by "
             "replicas alone.", (-1.0, -0.75, -0.5), "samplers/sobol.glsl", independent_batches=False),

@@ -9,7 +9,7 @@ from harness.samples.keys import code_digest, digest, folder_digest
 from harness.samples.memo import Warn, remembered
 from harness.samples.store import Store
 from harness.scene import Scene, describe, present
-from harness.studies.plan import Profile, exhibited_strategies
+from harness.studies.plan import Profile, exhibited
 from harness.studies.storage import STUDY_FILE, load_study, save_study
 from harness.studies.study import study
 from harness.work.provenance import versions
@@ -22,15 +22,15 @@ def remembered_study(scene: Scene, profile: Profile, family: int, store: Store |
     It is read back where scene, settings and code are the same as when it was made, and as many verdicts (`family`)
     share the rate of false alarms. `warn` is told of a damaged one, which is made again. Raises what `study` raises.
     """
-    strategies, shown = exhibited_strategies(scene), present(scene.file)
+    lines, shown = exhibited(scene), present(scene.file)
 
     def make() -> StudyResult:
-        return study(scene, strategies, spp=profile.spp, replicas=profile.replicas,
+        return study(scene, lines, spp=profile.spp, replicas=profile.replicas,
                      reference_spp=profile.reference_spp, family=family, store=store, progress=progress)
 
     key = {"scene": scene.content_hash, "name": scene.name, "exposure": shown.exposure, "notes": shown.notes,
-           "strategies": strategies, "description": describe(scene.path) if scene.path else "", "spp": profile.spp,
-           "replicas": profile.replicas, "reference_spp": profile.reference_spp, "family": family,
+           "strategies": [line.name for line in lines],
+           "description": describe(scene.path) if scene.path else "", "spp": profile.spp, "replicas": profile.replicas, "reference_spp": profile.reference_spp, "family": family,
            "code": code_digest(__name__), "glsl": glsl_digest(), **versions()}
     return remembered(cache_dir() / "studies" / digest(key, 24), STUDY_FILE, load=load_study, make=make,
                       save=save_study, warn=warn, loss="the study is made again")

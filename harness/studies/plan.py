@@ -9,9 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.errors import HarnessError
+from harness.estimators.tracer import Tracer
 from harness.samples.estimate import Estimate
 from harness.scene import Scene, present
 from harness.scene.model import is_black
+from harness.shader.samplers import EVEN
 from harness.shader.strategies import DRAWS, STRATEGIES, check_strategy, suitable_strategies
 from harness.stats.bias import error_scale
 from harness.stats.verdicts import Tolerance
@@ -74,9 +76,18 @@ def exhibited_strategies(scene: Scene) -> tuple[str, ...]:
     return tuple(name for name in STRATEGIES if name in suited or (name in DRAWS and has_lobe))
 
 
+def exhibited(scene: Scene) -> tuple[Tracer, ...]:
+    """What a report shows of a scene: those strategies by the usual sampler, and by evenly spread numbers the one of
+    them that finds most: `mis`, or else the last that suits. Errors as above."""
+    names = exhibited_strategies(scene)
+    suited = [name for name in names if check_strategy(scene, name).suits]
+    best = next((name for name in suited if name == "mis"), suited[-1] if suited else "")
+    return (*map(Tracer, names), *([Tracer(best, sampler=EVEN)] if best else []))
+
+
 def judged(scenes: Sequence[Scene]) -> int:
-    """How many verdicts a report on these scenes gives: one for each strategy that it shows and that suits."""
-    return sum(check_strategy(scene, name).suits for scene in scenes for name in exhibited_strategies(scene))
+    """How many verdicts a report on these scenes gives: one for each line that it shows and that suits."""
+    return sum(check_strategy(scene, line.strategy).suits for scene in scenes for line in exhibited(scene))
 
 
 def replicas_needed(pilot: Estimate, reference: Estimate, replicas: int, tolerance: float) -> int:

@@ -218,8 +218,8 @@ class TestTiles:
         assert (shared.verdict.smallest_detectable > 1.3 * alone.verdict.smallest_detectable).all()
 
     def test_a_family_is_every_strategy_that_suits(self, scene: Scene) -> None:
-        """phong does not suit: of five shown, four are judged."""
-        assert judged([scene, scene]) == 8
+        """phong does not suit: of five shown, four are judged, and the best of them once more by even numbers."""
+        assert judged([scene, scene]) == 10
         result = study(scene, ["cosine", "phong"], spp=4, replicas=2, max_replicas=2,
                        reference=Estimate.exact(self.truth))
         assert {item.tiles.fine.fail_level for item in result.strategies} == {fail_level(1)}

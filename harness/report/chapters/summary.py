@@ -21,6 +21,7 @@ from harness.report.tables import (
 from harness.report.tiles import tiles_summary
 from harness.results import StrategyResult, StudyResult
 from harness.stats.channels import Channel
+from harness.studies import EVEN
 from harness.studies.equal_error import Cost, equal_error
 
 Pair = tuple[StudyResult, StrategyResult]
@@ -45,7 +46,7 @@ def summary(results: Sequence[StudyResult]) -> tuple[Remark, ...]:
     judged = [pair for pair in pairs if pair[1].suits]
     failed = [pair for pair in judged if pair[1].tiles.failed]
     remarks = [*_agreement(judged, len(results)), *tiles_summary(judged, _names(failed), failed),
-               *_sharpness(judged), *_convergence(judged), *_gains(results)]
+               *_sharpness(judged), *_convergence(judged), *_bought(results), *_gains(results)]
     exact = [pair for pair in judged if is_exact(pair[1])]
     if exact:
         remarks.append(Remark(f"Exact, with no noise to converge: {_names(exact)}.", "exact"))
@@ -123,6 +124,33 @@ def _convergence(judged: Sequence[Pair]) -> list[Remark]:
         named = [pair for (pair, _), found in zip(fitted, marks, strict=True) if found == each]
         text += f" {word}: {_names(named)}." if named else ""
     return [Remark(text, mark)]
+
+
+# What was bought: in words, by which strategy over which other; names of samplers stand behind those of strategies.
+_BOUGHT = (("Importance sampling", "mixture", "uniform"), ("light sampling", "mis", "mixture"),
+           ("evenly spread numbers", f"mis {EVEN}", "mis"), ("evenly spread numbers", f"mixture {EVEN}", "mixture"))
+
+
+def _bought(results: Sequence[StudyResult]) -> list[Remark]:
+    """How much sooner the same error is reached by each of three ideas: the middle of the scenes, and the extremes."""
+    factors: dict[str, list[tuple[float, str]]] = {}
+    for result in results:
+        equal = equal_error(result)
+        seconds = {cost.strategy.strategy: cost.seconds.value for cost in equal.costs} if equal else {}
+        for idea, better, plain in _BOUGHT:
+            if better in seconds and plain in seconds and np.isfinite(seconds[plain] / seconds[better]):
+                factors.setdefault(idea, []).append((seconds[plain] / seconds[better], result.scene))
+    told = []
+    for idea, found in factors.items():
+        least, most = min(found), max(found)
+        middle = formats.significant(float(np.median([factor for factor, _ in found])), 2)
+        spread = (f" (half of {formats.plural(len(found), 'scene')} more; "
+                  f"{formats.significant(least[0], 2)} on {least[1]}, {formats.significant(most[0], 2)} on {most[1]})")
+        told.append(f"{idea} {middle} times as soon{spread if len(found) > 1 else f' ({least[1]})'}")
+    if not told:
+        return []
+    return [Remark(f"{told[0][0].upper()}{told[0][1:]}"
+                   f"{''.join(f', {each}' for each in told[1:])}: so much sooner is the same error reached.")]
 
 
 def _gains(results: Sequence[StudyResult]) -> list[Remark]:
