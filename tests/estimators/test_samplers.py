@@ -38,7 +38,7 @@ def test_each_says_what_it_is(name: str) -> None:
 
 
 def test_an_unknown_sampler_is_refused() -> None:
-    with pytest.raises(HarnessError, match="^unknown sampler 'halton'; choose from independent, sobol$"):
+    with pytest.raises(HarnessError, match=r"^unknown sampler 'halton'; choose from independent, sobol$"):
         Tracer(sampler="halton").check(FURNACE)
 
 
