@@ -11,6 +11,7 @@ import typer
 from harness.cli.options import (
     MAX_EXPOSURE,
     MAX_SPP,
+    SAMPLER,
     SCENE_HASH,
     CacheOption,
     ConfidenceOption,
@@ -97,9 +98,10 @@ def compare(
     ours, truth, facts = test.estimate, reference.estimate, reference.facts
     warn_of_other_scene(test.facts.get(SCENE_HASH), facts, Path(reference.name))
     exposure = _own_exposure(facts) if exposure is None else exposure
-    # A file of ours without variance has too few samples, of which the verdict speaks.
+    # A file of ours without variance has too few samples, of which the verdict speaks; or its sampler spreads them
+    # evenly, of which only several files tell the noise, as of somebody else's.
     silent = [side for side in (test, reference)
-              if SCENE_HASH not in side.facts and side.runs < 2 and not side.knows_variance]
+              if (SCENE_HASH not in side.facts or SAMPLER in side.facts) and side.runs < 2 and not side.knows_variance]
     with np.errstate(invalid="ignore"):  # of pixels just warned of
         values = _metrics(ours, truth, exposure)
         verdict, tiles, detectable = None, None, None

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 # The metadata in which `harness render` and `harness reference` note the scene's content hash.
 SCENE_HASH = "harness.scene"
+# The same of its sampler, where that is not the usual one.
+SAMPLER = "harness.sampler"
 # What `harness bench` leaves in the report's folder, and `harness report` takes up there.
 BENCH_FILE = "bench.json"
 # The same of `harness calibrate`.

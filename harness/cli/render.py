@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from harness.cli.options import (
+    SAMPLER,
     CacheOption,
     DepthOption,
     DeviceOption,
@@ -150,6 +151,9 @@ def _render(estimator: Estimator, file: SceneFile, target: Path, asked: Asked, l
         write_png(target, result.mean, labels["exposure"])
     else:
         write_estimate(target, result, facts)
+    if SAMPLER in facts:
+        log(f"{target}: of evenly spread samples of one replica no noise can be told, so it holds no variance; render "
+            f"it again with --replica {asked.replica + 1}, and so on, and compare them together")
     if result.rejected:
         log(f"warning: {target}: {not_finite(result.rejected)}")
     height, width = result.mean.shape[:2]

@@ -30,8 +30,9 @@ def remembered_study(scene: Scene, profile: Profile, family: int, store: Store |
 
     key = {"scene": scene.content_hash, "name": scene.name, "exposure": shown.exposure, "notes": shown.notes,
            "strategies": [line.name for line in lines],
-           "description": describe(scene.path) if scene.path else "", "spp": profile.spp, "replicas": profile.replicas, "reference_spp": profile.reference_spp, "family": family,
-           "code": code_digest(__name__), "glsl": glsl_digest(), **versions()}
+           "description": describe(scene.path) if scene.path else "", "spp": profile.spp, "replicas": profile.replicas,
+           "reference_spp": profile.reference_spp, "family": family, "code": code_digest(__name__),
+           "glsl": glsl_digest(), **versions()}
     return remembered(cache_dir() / "studies" / digest(key, 24), STUDY_FILE, load=load_study, make=make,
                       save=save_study, warn=warn, loss="the study is made again")
 

@@ -203,7 +203,7 @@ class _Replicas:
         self.curves.append(curve)
 
     @spent("statistics")
-    def result(self, plan: Plan, file: SceneFile, expected: tuple[float, ...]) -> StrategyResult:
+    def result(self, plan: Plan, file: SceneFile, expected: tuple[float, ...] = (-0.5,)) -> StrategyResult:
         merged = self.total.estimate()
         strategy, scene, reference = self.strategy, self.scene, self.reference.estimate
         curves = {name: np.array([[point[name] for point in curve] for curve in self.curves])

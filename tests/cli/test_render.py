@@ -39,6 +39,23 @@ def test_the_depth_is_the_one_asked_for(harness: Harness, command: str) -> None:
     assert harness(command, scene, "--max-depth", 0).status == 2
 
 
+def test_a_sampler_is_told_and_its_noise_is_not(harness: Harness) -> None:
+    """Of one replica of evenly spread samples no variance is told; of several files `compare` finds it."""
+    done = harness("render", SPHERES, *SMALL, "--sampler", "sobol", "--json", "-o", "s0.exr")
+    assert done.json["harness.sampler"] == "sobol"
+    assert done.json["standard_error"]["luminance"] is None
+    assert "holds no variance; render it again with --replica 1" in done.err
+    for replica in (1, 2):
+        harness("render", SPHERES, *SMALL, "--sampler", "sobol", "--replica", replica, "-o", f"s{replica}.exr")
+    harness("render", SPHERES, "--size", "16x12", "--spp", 64, "-o", "truth.exr")
+    one, several = (harness("compare", name, "truth.exr", "--json").json for name in ("s0.exr", "s?.exr"))
+    assert one["verdict"] is None
+    assert several["verdict"]["dof"][3] > 0
+    refused = harness("render", SPHERES, "--sampler", "halton")
+    assert refused.status == 2
+    assert "unknown sampler 'halton'; choose from independent, sobol" in refused.err
+
+
 def test_samples_of_several_devices_have_no_speed() -> None:
     """Their seconds have no sum; the line says so in place of a NaN."""
     drawn = [Batch(np.ones((2, 2, 3), np.float32), 4, 0, Cost(1.0, 2.0, None, device, "cpu")) for device in "ab"]

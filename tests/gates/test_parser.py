@@ -9,6 +9,7 @@ import pytest
 
 from harness.errors import HarnessError
 from harness.estimators.constant import Constant
+from harness.estimators.coupled import Coupled
 from harness.estimators.images import Images
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
@@ -55,6 +56,12 @@ class TestMeaning:
     def test_samples_of_the_reference_may_be_spread_evenly(self, tmp_path: Path) -> None:
         gate = one_gate(tmp_path, MINIMAL + 'reference = { spp = 36, sampler = "multijitter" }\n')
         assert (gate.reference, gate.reference_spp) == (Mitsuba(sampler="multijitter"), 36)
+
+    def test_a_sampler_of_its_own_draws_both_sides_of_a_coupled_gate(self, tmp_path: Path) -> None:
+        gate = one_gate(tmp_path, MINIMAL + 'sampler = "sobol"\n')
+        assert (gate.test, gate.reference) == (Tracer("mixture", sampler="sobol"), Mitsuba())
+        gate = one_gate(tmp_path, MINIMAL + 'sampler = "sobol"\nreference = { coupled = true }\n')
+        assert gate.reference == Coupled("mixture", "sobol")
 
     def test_a_list_of_strategies_makes_a_gate_of_each(self, tmp_path: Path) -> None:
         file = load_gates(write(tmp_path, MINIMAL.replace('"mixture"', '["uniform", "mixture"]')))
@@ -124,6 +131,7 @@ class TestRefusals:
         ('strategy = ["cosine", "cosine"]', 4, "expected one or more strategies, each once"),
         ('name = "../a"', 2, "a gate's name becomes that of a folder"),
         ('reason = " "', 5, "'reason' must be a text, found ' '"),
+        ('sampler = "halton"', 6, "unknown sampler 'halton'; choose from independent, sobol"),
         ("tolerence = 0.1", 6, "unknown key 'tolerence'; allowed: name, scene, strategy, reason, tolerance"),
         ("tolerance = 0.1", 6, "'tolerance' must be a table, found 0.1"),
         ("tolerance = { mean = 0 }", 6, "'mean' must be a number above 0 up to 1, found 0"),

@@ -42,9 +42,11 @@ class Pair(NamedTuple):
         return float((np.abs(ours - theirs).max(-1) > off_by * self.oracle.mean()).mean())
 
 
-def pair(name: str, strategy: str, size: tuple[int, int] = (48, 36), library: Library = OURS, singles: int = 2) -> Pair:
+def pair(name: str, strategy: str, size: tuple[int, int] = (48, 36), library: Library = OURS, singles: int = 2,
+         sampler: str = "independent") -> Pair:
     scene = SceneFile.bundled(name, size)
-    with Tracer(strategy, library).open(scene) as tracer, Coupled(strategy).open(scene) as oracle:
+    with Tracer(strategy, library, sampler=sampler).open(scene) as tracer, \
+            Coupled(strategy, sampler).open(scene) as oracle:
         both = [renderer.render_batch(REPLICA, FIRST, SPP).mean.astype(np.float64) for renderer in (tracer, oracle)]
         one = [np.stack([renderer.render_batch(REPLICA, FIRST + k, 1).mean for k in range(singles)])
                for renderer in (tracer, oracle)]
@@ -57,6 +59,14 @@ def test_follows_every_strategy(strategy: str) -> None:
     found = pair("spheres", strategy)
     assert abs(found.error) < 1e-5
     assert found.share(PARTED) <= 1 / (2 * 48 * 36)
+
+
+@pytest.mark.parametrize(("name", "strategy"), [("depth_of_field", "mixture"), ("motion_blur", "mis")])
+def test_follows_the_other_sampler(name: str, strategy: str) -> None:
+    """Lens, time, lobes, and lights that are chosen: every call of the sampler's, in its order."""
+    found = pair(name, strategy, (24, 18), sampler="sobol")
+    assert abs(found.error) < 2e-5
+    assert found.share(PARTED) <= 3 / (2 * 24 * 18)
 
 
 # What each scene has that no other has, and the share of single samples that part: of 3456, so 3e-4 is one.

@@ -14,6 +14,7 @@ from harness.errors import HarnessError
 from harness.files import data_dir
 from harness.policy import fail_level, tolerance_for
 from harness.reference import ReferenceRenderer
+from harness.report.tables import slope_mark
 from harness.results import StrategyResult
 from harness.samples.estimate import Batch, Estimate
 from harness.samples.store import Store, schedule
@@ -51,6 +52,26 @@ def test_every_suiting_strategy_agrees_with_mitsuba_and_converges_as_it_should(s
     assert error["mixture"] < 0.5 * error["uniform"]
     similarity = {item.strategy: item.score("ssim") for item in result.strategies}
     assert similarity["mixture"] > similarity["uniform"]
+
+
+def test_samplers_are_an_axis_and_only_replicas_tell_the_noise_of_the_one_that_spreads(tmp_path: Path) -> None:
+    """A smooth scene: both right; Sobol's samples fall faster than 1/√N, are judged by their replicas alone, and by
+    slopes of their own."""
+    scene = load_scene(data_dir("mitsuba_scenes") / "furnace_convex.xml", width=32, height=24)
+    result = study(scene, ["uniform"], samplers=("independent", "sobol"), spp=64, replicas=6, reference_spp=2048,
+                   tolerance=0.01, store=Store(tmp_path))
+    usual, spread = result.strategies
+    assert (usual.strategy, spread.strategy) == ("uniform", "uniform sobol")
+    assert [item.verdict.outcome for item in result.strategies] == ["pass", "pass"]
+    assert spread.estimate.batches == len(spread.curves["rmse"]) == 6
+    assert usual.estimate.batches > len(usual.curves["rmse"])
+    assert (usual.expected, spread.expected) == ((-0.5,), (-1.0, -0.75, -0.5))
+    assert usual.slope is not None and spread.slope is not None
+    assert spread.slope.high < -0.6 < usual.slope.low
+    assert (slope_mark(usual), slope_mark(spread)) == ("pass", "pass")
+    assert spread.score("rmse") < usual.score("rmse") / 3
+    with pytest.raises(HarnessError, match="unknown sampler 'halton'"):
+        study(scene, ["uniform"], samplers=("halton",), spp=4)
 
 
 def test_a_strategy_that_misses_light_is_warned_of_and_judged_biased(scene: Scene) -> None:
