@@ -52,9 +52,9 @@ def mean_radiance(environment: EnvironmentMap) -> RGB:
 
     Raises SceneError where the file changed since the scene was loaded.
     """
-    texels = environment_texels(environment).astype(np.float64)
+    texels = environment_texels(environment)
     shares = tent_integrals(*texels.shape[:2]) / (4 * np.pi)
-    red, green, blue = environment.scale * (shares @ texels.sum(axis=1))
+    red, green, blue = environment.scale * (shares @ texels.sum(axis=1, dtype=np.float64))
     return float(red), float(green), float(blue)
 
 
@@ -132,18 +132,18 @@ def tables_of(texels: np.ndarray, *, compensated: bool = False) -> Tables:
     Importance Sampling", section 4.2. Over sky.exr the balance heuristic's variance is then 1.4 (glossy) to 1.75
     (diffuse) times smaller. All is drawn where nothing is above the mean.
     """
-    size = np.linalg.norm(texels.astype(np.float64), axis=2)
+    size = np.sqrt(np.einsum("ijk,ijk->ij", texels, texels, dtype=np.float64))
     rows, columns = size.shape
     integrals = tent_integrals(rows, columns)[:, None]
     if compensated:
         above = np.maximum(size - (size * integrals).sum() / (4 * np.pi) * (1 + ROUNDING), 0)
         size = above if above.any() else size
-    weights = size * integrals
+    weights = np.multiply(size, integrals, out=size)
     if not weights.any():
         raise ValueError("nothing can be drawn from a black image")
     bands = runs(weights.sum(axis=1), STRATA)
     bins_of_bands = whole_bins(np.add.reduceat(weights.sum(axis=1), bands[:-1]))
-    table = np.zeros((rows + len(bands), max(columns, BINS), 4))
+    table = np.zeros((rows + len(bands), max(columns, BINS), 4), dtype=np.float32)  # holds such integers exactly
     probability = np.zeros_like(weights)
     for number, (top, bottom) in enumerate(itertools.pairwise(bands)):
         first, count = bins_of_bands[:number].sum(), bins_of_bands[number]
@@ -160,7 +160,7 @@ def tables_of(texels: np.ndarray, *, compensated: bool = False) -> Tables:
             place = np.stack([share, left + alias % (right - left), top + alias // (right - left)], axis=-1)
             table[top:bottom, left:right, :3] = place.reshape(*block.shape, 3)
             probability[top:bottom, left:right] = block / block.sum() * (count / BINS) * (bins / BINS)
-    found = Tables(probability / integrals, table.astype(np.float32))
+    found = Tables(np.divide(probability, integrals, out=probability), table)
     for array in (found.density, found.table):
         array.setflags(write=False)
     return found
