@@ -52,9 +52,9 @@ def mean_radiance(environment: EnvironmentMap) -> RGB:
 
     Raises SceneError where the file changed since the scene was loaded.
     """
-    texels = environment_texels(environment).astype(np.float64)
+    texels = environment_texels(environment)
     shares = tent_integrals(*texels.shape[:2]) / (4 * np.pi)
-    red, green, blue = environment.scale * (shares @ texels.sum(axis=1))
+    red, green, blue = environment.scale * (shares @ texels.sum(axis=1, dtype=np.float64))
     return float(red), float(green), float(blue)
 
 
@@ -129,21 +129,21 @@ def tables_of(texels: np.ndarray, *, compensated: bool = False) -> Tables:
 
     `compensated`: only what is above the mean over the sphere is drawn, for use together with directions that a BSDF
     draws, which find the rest: Karlík et al. 2019, "MIS Compensation: Optimizing Sampling Techniques in Multiple
-    Importance Sampling", section 4.2. Over sky.exr the balance heuristic's variance is then 1.4 (glossy) to 1.75
-    (diffuse) times smaller. All is drawn where nothing is above the mean.
+    Importance Sampling", ACM TOG 38(6). Over sky.exr the balance heuristic's variance is then 1.4 (glossy) to 1.75
+    (diffuse) times smaller, that of environment.xml's image 1.6 times. All is drawn where nothing is above the mean.
     """
-    size = np.linalg.norm(texels.astype(np.float64), axis=2)
+    size = np.sqrt(np.einsum("ijk,ijk->ij", texels, texels, dtype=np.float64))
     rows, columns = size.shape
     integrals = tent_integrals(rows, columns)[:, None]
     if compensated:
         above = np.maximum(size - (size * integrals).sum() / (4 * np.pi) * (1 + ROUNDING), 0)
         size = above if above.any() else size
-    weights = size * integrals
+    weights = np.multiply(size, integrals, out=size)
     if not weights.any():
         raise ValueError("nothing can be drawn from a black image")
     bands = runs(weights.sum(axis=1), STRATA)
     bins_of_bands = whole_bins(np.add.reduceat(weights.sum(axis=1), bands[:-1]))
-    table = np.zeros((rows + len(bands), max(columns, BINS), 4))
+    table = np.zeros((rows + len(bands), max(columns, BINS), 4), dtype=np.float32)  # holds such integers exactly
     probability = np.zeros_like(weights)
     for number, (top, bottom) in enumerate(itertools.pairwise(bands)):
         first, count = bins_of_bands[:number].sum(), bins_of_bands[number]
@@ -160,7 +160,7 @@ def tables_of(texels: np.ndarray, *, compensated: bool = False) -> Tables:
             place = np.stack([share, left + alias % (right - left), top + alias // (right - left)], axis=-1)
             table[top:bottom, left:right, :3] = place.reshape(*block.shape, 3)
             probability[top:bottom, left:right] = block / block.sum() * (count / BINS) * (bins / BINS)
-    found = Tables(probability / integrals, table.astype(np.float32))
+    found = Tables(np.divide(probability, integrals, out=probability), table)
     for array in (found.density, found.table):
         array.setflags(write=False)
     return found
@@ -171,8 +171,9 @@ def sweep(probabilities: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     own outcome, and the other that it means in the rest.
 
     Walker 1974, "New fast method for generating discrete random numbers with arbitrary frequency distributions", built
-    by the sweep of Hübschle-Schneider & Sanders 2022, "Parallel Weighted Random Sampling", section 4: bins with less
-    than their part are filled up, in order, from those with more, in order; so neighbours have neighbours for aliases.
+    by the sweep of Hübschle-Schneider & Sanders 2022, "Parallel Weighted Random Sampling", ACM TOMS 48(3): bins with
+    less than their part are filled up, in order, from those with more, in order; so neighbours have neighbours for
+    aliases.
     """
     parts = probabilities * len(probabilities)
     light, heavy = np.flatnonzero(parts < 1), np.flatnonzero(parts >= 1)
