@@ -6,6 +6,7 @@
 #include "lib/random.glsl"
 #include "lib/camera.glsl"
 #include "lib/phong.glsl"
+#include "lib/interface.glsl"
 
 // Lifts a scattered ray's origin off its surface. Mitsuba's own offset, SurfaceInteraction::offset_p: 1500 units
 // of half the float32 spacing at 1, scaled with the point's magnitude. A tenth of it darkens by 3e-4 (self-hits).
@@ -22,18 +23,6 @@ bool is_finite(vec3 v)
 {
     return all(notEqual(floatBitsToUint(v) & 0x7f800000u, uvec3(0x7f800000u)));
 }
-
-// How light is found: met by paths alone, sampled alone (next-event estimation), or both (multiple importance sampling).
-#define LIGHTS_MET 0
-#define LIGHTS_NEE 1
-#define LIGHTS_MIS 2
-#ifndef LIGHTS
-#define LIGHTS LIGHTS_MET
-#endif
-#if LIGHTS == LIGHTS_MET
-#define HAS_SHAPE_LIGHTS 0
-#define HAS_SKY_LIGHT 0
-#endif
 
 // Iterations that one path takes at most: see trace_samples.
 #if HAS_DISPLACED
