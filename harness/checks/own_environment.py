@@ -24,7 +24,7 @@ from harness.scene.importance import Tables, bilinear, tables_of, tent_integrals
 ROWS, COLUMNS = 9, 14
 SUN, POLE_LAMP, SEAM_LAMP = ((2, 5), 12.0), ((0, 9), 90.0), ((6, 0), 9.0)
 COUNT = 1 << 17
-STEPS = 10  # midpoints along each side of a cell: an image is smooth between its texels
+STEPS = 7  # midpoints along each side of a cell: an image is smooth between its texels
 NORTH, SOUTH = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
 DOMAINS: tuple[tuple[str, Domain], ...] = (("", Sphere(NORTH)), (" about the first row's pole", Crowded(NORTH)),
                                            (" about the last row's pole", Crowded(SOUTH)))
