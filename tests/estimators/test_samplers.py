@@ -94,3 +94,9 @@ def test_nothing_is_told_of_the_noise_of_one_replica() -> None:
         parts = [renderer.render_batch(0, start, 8) for start in range(0, 64, 8)]
     assert len(list(equal_batches(parts, 64, independent=False))) == 1
     assert len(list(equal_batches(parts, 64))) == 8
+
+
+def test_no_path_is_begun_beside_another() -> None:
+    """The loop keeps one word of the generator's while it makes the next ray ready; this sampler has two."""
+    assert "#define STARTS_AHEAD 0\n" in SOBOL.source(FURNACE).text
+    assert "STARTS_AHEAD 0\n" not in Tracer("cosine").source(FURNACE).text.partition("#line")[0]
