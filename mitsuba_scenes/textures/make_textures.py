@@ -7,7 +7,7 @@
     wear.png    32 x 32, grey, meant to be read `raw`: 0 to 1, for exponents and masks
     window.exr  32 x 32, radiance: four panes of different colours
     day_night.exr  16 x 12, radiance: a sky whose first column is day and whose last is night
-    sun.exr     128 x 64, radiance: a clear sky over dark ground, and in one texel of it a sun that gives most of the light
+    sun.exr     128 x 64, radiance: a clear sky over dark ground, and in one texel a sun that gives most of the light
 """
 
 from __future__ import annotations

@@ -67,8 +67,10 @@ _STYLES = {
     "phong": Style("#cc79a7", "^", "▲"),
     "lobes": Style("#009e73", "D", "◆"),
     "mixture": Style("#d55e00", "v", "▼"),
+    "nee": Style("#56b4e9", "P", "✚"),
+    "mis": Style("#000000", "X", "✖"),
 }
-_OTHERS = (Style("#56b4e9", "P", "✚"), Style("#000000", "X", "✖"), Style("#8c8c00", "*", "★"))
+_OTHERS = (Style("#8c8c00", "*", "★"), Style("#7f5fa8", "p", "⬟"), Style("#6b6b6b", "h", "⬢"))
 
 
 def strategy_style(strategy: str) -> Style:
