@@ -3,7 +3,7 @@
 // Each call of rand() or rand2() is a dimension, or a pair of them, of its own: the first two of Sobol's sequence, which
 // are a (0,2)-sequence, with their index shuffled and their digits scrambled by hashes. So the first 2^k samples of a
 // pixel, and each next 2^k, put exactly one number into each of 2^k equal cells; and calls know nothing of one another.
-// Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4): scrambling (section 3), padding (section 4.2).
+// Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4): both by hashes, and dimensions padded like this.
 //
 // The scramble hangs on pixel and replica alone. Over replicas each number is uniform and independent of all others, so
 // means are unbiased; within one replica samples are not independent of each other, which is what they are for.
@@ -11,17 +11,17 @@ uint sobol_index;  // of the sample, its lowest bit last; rng_state seeds the sc
 
 // Random permutations of 32-bit numbers in which a digit hangs on itself and those below it alone: nested scrambling of
 // numbers whose first digit is the lowest bit (Owen 1995). Laine & Karras 2011, "Stratified Sampling for Stochastic
-// Transparency", section 3.1, found that sums and products of integers have that property, and made a hash of them.
+// Transparency", found that sums and products of integers have that property, and made a hash of them.
 // Of two numbers that part at a digit, all that follows it is uniform where `shift` and `factor` are: variances, which
-// know of pairs alone, are those of Owen's scrambling. All that Laine & Karras have would cost 20 % of a sample.
+// know of pairs alone, are those of Owen's scrambling. The whole of their hash, in every place, costs 20 % of a sample.
 uint scrambled(uint digits, uint shift, uint factor)
 {
     return (digits + shift) * (factor | 1u);
 }
 
-// The same of a sample's index, with one step of theirs between. Calls pair their numbers by it: without that step one
-// pixel in a hundred has calls whose numbers go together, and the errors of all are as large in the mean as they should
-// be but have long tails.
+// The same of a sample's index, with one step of theirs between. Calls pair their numbers by it: without that step the
+// numbers of two calls go together in some pixels, and errors, as large in the mean as they should be, have long tails (a
+// kurtosis of 40 at 256 samples, and of 3.4 with it).
 uint shuffled(uint digits, uint shift, uint factor)
 {
     digits += shift;
