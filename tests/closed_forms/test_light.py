@@ -30,6 +30,8 @@ EXACT = 1e-5
 KD = np.array([0.8, 0.6, 0.4])
 RADIANCE = np.array([2.0, 3.0, 5.0])
 SPP = {"tracer": 1024, "mitsuba": 192}  # per batch
+# Of the tracer's strategies that sample lights.
+LIT_SPP = {"cosine+nee": 288, "cosine+mis": 288}
 # Looks down at the origin of the floor z = 0; a pixel sees a hundredth of a unit.
 SENSOR = """<sensor type="perspective"><transform name="to_world"><lookat origin="0, 0, {height}" target="0, 0, 0"
     up="0, 1, 0"/></transform><float name="fov" value="{fov}"/><film type="hdrfilm"><integer name="width" value="8"/>
@@ -55,7 +57,7 @@ def measure(scene: Scene, renderer: str, spp: int, batches: int = BATCHES) -> Es
         reference = ReferenceRenderer(scene.file)
         merged = merge(reference.render_batch(0, k * spp, spp) for k in range(batches))
     else:
-        tracer = TracerRenderer(scene, "cosine")
+        tracer = TracerRenderer(scene, "cosine" if renderer == "tracer" else renderer)
         merged = merge(tracer.render_batch(0, k * spp, spp) for k in range(batches))
         tracer.release()
     assert merged.rejected == 0
@@ -197,12 +199,12 @@ LIGHTS: dict[str, tuple[str, float]] = {
 }
 
 
-@pytest.mark.parametrize("renderer", SPP)
+@pytest.mark.parametrize("renderer", [*SPP, *LIT_SPP])
 @pytest.mark.parametrize("name", LIGHTS)
 def test_irradiance(tmp_path: Path, name: str, renderer: str) -> None:
     """Every shape as a light; nested, mirrored, uneven and flipped as far as Mitsuba allows it."""
     body, factor = LIGHTS[name]
-    found = measure(write(tmp_path, FLOOR + body), renderer, SPP[renderer])
+    found = measure(write(tmp_path, FLOOR + body), renderer, {**SPP, **LIT_SPP}[renderer])
     assert_answer(found, KD * RADIANCE * factor)
 
 
@@ -337,7 +339,7 @@ TEXTURED = {
 }
 
 
-@pytest.mark.parametrize("renderer", SPP)
+@pytest.mark.parametrize("renderer", [*SPP, "cosine+nee"])
 @pytest.mark.parametrize("kind", TEXTURED)
 def test_irradiance_from_a_chequered_light(tmp_path: Path, kind: str, renderer: str) -> None:
     """The sum over cells of the surface, each in its colour.
@@ -359,5 +361,5 @@ def test_irradiance_from_a_chequered_light(tmp_path: Path, kind: str, renderer: 
         cells = cell_factors(lambda u, v, face=face: face(u, v) @ place[:3, :3].T + place[:3, 3], tuple(inside))
         factors += cells[same_half].sum(), cells[~same_half].sum()
     shape = light(kind, operations).replace(EMITTER, board)
-    found = measure(write(tmp_path, FLOOR + shape), renderer, SPP[renderer])
+    found = measure(write(tmp_path, FLOOR + shape), renderer, {**SPP, **LIT_SPP}[renderer])
     assert_answer(found, KD * (factors @ colors))
