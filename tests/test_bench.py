@@ -175,6 +175,11 @@ class TestEntrants:
         assert {strategy for strategy, _ in rows} == {"", "mixture", "nee", "mis"}
         assert {row.strategy for row in rivals.run(["diffuse"], replicas=4)} == {"", "mixture"}
 
+    def test_an_answer_without_noise_has_no_rival(self, paced: list[Paced], monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(Paced, "samples_per_call", 256, raising=False)
+        monkeypatch.setattr(OurPace, "sigma_per_sample", 0.0)
+        assert rivals.run(["diffuse"], replicas=4) == []
+
     def test_no_replica_counts_twice_and_none_while_kernels_compile(
         self, rows: dict[tuple[str, str], EntrantRow], paced: list[Paced],
     ) -> None:
