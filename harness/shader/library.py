@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 
 from harness.errors import HarnessError
 from harness.files import data_dir
@@ -148,10 +150,16 @@ def exchange_line(text: str, own: OwnLine) -> str:
     return "".join(lines)
 
 
-def _ours() -> dict[str, str]:
+def _ours() -> Mapping[str, str]:
     """The text of every file under glsl/, by the name under which shaders include it."""
     root = data_dir("glsl")
-    return {path.relative_to(root).as_posix(): path.read_text(encoding="utf-8") for path in _shaders(root)}
+    return _read(root, tuple((path, path.stat().st_mtime_ns) for path in _shaders(root)))
+
+
+@functools.lru_cache(maxsize=4)
+def _read(root: Path, files: tuple[tuple[Path, int], ...]) -> Mapping[str, str]:
+    """Of files with the times when they were last written, so that an edited one is read anew."""
+    return MappingProxyType({path.relative_to(root).as_posix(): path.read_text(encoding="utf-8") for path, _ in files})
 
 
 def _shaders(root: Path) -> Iterator[Path]:
