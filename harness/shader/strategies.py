@@ -58,7 +58,7 @@ def parse_strategy(name: str) -> Strategy:
     HarnessError for a name that is none, and for one that cannot be: `lobes` with mis.
     """
     draw, plus, way = name.partition("+")
-    if not plus and name not in DRAWS:
+    if name and not plus and name not in DRAWS:
         draw, way = USUAL_DRAW, name
     lights, dash, heuristic = way.partition("-")
     is_way = {"": not plus and not dash, "nee": not dash, "mis": not dash or heuristic in HEURISTICS}.get(lights, False)

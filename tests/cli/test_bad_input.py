@@ -15,6 +15,7 @@ from tests.cli.conftest import SKY, Harness, refusal
 
 pytestmark = pytest.mark.usefixtures("no_renderer")
 
+LAMP = '<shape type="sphere"><emitter type="area"><rgb name="radiance" value="1, 1, 1"/></emitter></shape>'
 RENDERING = ("render", "reference", "study", "report")  # the commands that take scenes
 
 
@@ -57,6 +58,16 @@ class TestScenes:
     def test_with_a_name_of_two_lines_is_refused_in_one(self, harness: Harness) -> None:
         assert refusal(harness("render", "a\nb.xml")).startswith("a b.xml: no such scene file")
 
+    @pytest.mark.parametrize("strategy", ["nee", "mis"])
+    def test_with_more_lights_than_are_sampled_is_refused(
+        self, harness: Harness, monkeypatch: pytest.MonkeyPatch, strategy: str,
+    ) -> None:
+        monkeypatch.setattr("harness.scene.lights.MOST_LIGHTS", 2)
+        Path("many.xml").write_text(SKY.replace("</scene>", 3 * LAMP + "</scene>"))
+        assert refusal(harness("render", "many.xml", "--strategy", strategy)) == (
+            "scene 'many' has 3 lights; strategies that sample them take 2 at most: use mixture, or join lights into "
+            "fewer shapes")
+
     @pytest.mark.parametrize("exposure", ["1e30", "-65"])
     def test_shown_brighter_or_darker_than_numbers_reach_is_refused(self, harness: Harness, exposure: str) -> None:
         Path("bright.xml").write_text(SKY.replace('value="-1"', f'value="{exposure}"'))
@@ -88,10 +99,22 @@ class TestScenes:
 class TestStrategies:
     """Names of sampling strategies."""
 
-    @pytest.mark.parametrize("name", ["metropolis", "", "Mixture", "uniform,cosine"])
+    @pytest.mark.parametrize("name", [
+        "metropolis", "", "Mixture", "uniform,cosine", "mis-fast", "nee-power", "mis-", "cosine+mis-fast", "foo+nee",
+        "mixture+", "+mis", "+", "mixture+met", "nee+mis", "mixture+nee+mis", "mixture-power", "mixture + nee",
+    ])
     def test_unknown_to_render_are_refused_with_the_known(self, harness: Harness, sky: Path, name: str) -> None:
         assert refusal(harness("render", sky, "--strategy", name)) == (
-            f"unknown strategy '{name}'; choose from uniform, cosine, phong, lobes, mixture")
+            f"unknown strategy '{name}'; choose from uniform, cosine, phong, lobes, mixture, nee, mis, a draw with "
+            "+nee or +mis (cosine+mis), or mis-balance, mis-power")
+
+    @pytest.mark.parametrize("name", ["lobes+mis", "lobes+mis-power"])
+    def test_without_a_density_to_weigh_by_are_refused_with_the_reason(
+        self, harness: Harness, sky: Path, name: str,
+    ) -> None:
+        assert refusal(harness("render", sky, "--strategy", name)) == (
+            f"'{name}': lobes divides each term by its own density and not the direction's, so there is no density to "
+            "weigh against the lights'; use mixture+mis, or lobes+nee")
 
     @pytest.mark.parametrize("names", ["metropolis", "mixture,metropolis", "metropolis , mixture"])
     def test_unknown_to_a_study_are_refused_with_the_known(self, harness: Harness, sky: Path, names: str) -> None:

@@ -75,7 +75,7 @@ def test_a_shader_is_watched_on_the_film_of_its_scene(harness: Harness, screen: 
 
 @pytest.mark.parametrize(("arguments", "says"), [
     (("nowhere.xml",), "nowhere.xml: no such scene file"), (("nowhere.frag",), "nowhere.frag: no such file"),
-    (("{sky}", "--strategy", "mis"), "unknown strategy 'mis'")])
+    (("{sky}", "--strategy", "best"), "unknown strategy 'best'")])
 def test_refusals(harness: Harness, sky: Path, screen: type[Closed], arguments: tuple[str, ...], says: str) -> None:
     assert says in refusal(harness("view", *(word.format(sky=sky) for word in arguments)))
 
