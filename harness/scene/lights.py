@@ -21,8 +21,8 @@ from harness.scene.frame import seen
 from harness.scene.importance import mean_radiance
 from harness.scene.model import RGB, Checkerboard, EnvironmentMap, Procedural, Scene, Shape, Texture, is_black
 
-# Written out in the shader one by one. Of spheres, rectangles, disks, cubes and cylinders in turn 64 take llvmpipe 2 s of
-# CPU time to compile, 128 take 4.5 s and 0.5 GB, 256 take 10 s and 1 GB, and both grow a little faster than their number.
+# Written out in the shader one by one. Of spheres, rectangles, disks, cubes and cylinders in turn, 64 take llvmpipe 2 s
+# of CPU time to compile, 128 take 4.5 s and 0.5 GB, 256 take 10 s and 1 GB.
 MOST_LIGHTS = 256
 # Of shapes the index, of the environment this: what a ray that escapes has met.
 ENVIRONMENT = -1
