@@ -11,6 +11,7 @@ import numpy as np
 from harness.diagnosis import paths, vertices
 from harness.diagnosis.case import Case, own_parts
 from harness.diagnosis.distribution import Distribution
+from harness.diagnosis.lights import with_lights
 from harness.diagnosis.record import AutopsyRecord
 from harness.diagnosis.report import report
 from harness.diagnosis.seen import Seen
@@ -113,16 +114,17 @@ def autopsy(file: SceneFile, strategy: str, library: Library = OURS, *, samples:
             progress: Progress = quiet) -> AutopsyRecord:
     """Compare the stages of `samples` paths of each pixel with Mitsuba's single steps.
 
-    Of a strategy that samples lights, the paths without the rays to lights.
+    Of a strategy that samples lights first the paths, and where these are right whole samples (`diagnosis.lights`).
 
     `strict`: a generator, a sampler or a loop of the library's own counts as a defect of ours.
     HarnessError for an unknown strategy, ShaderError for a library that does not compile, SceneError for a scene
     outside the tracer's subset.
     """
     check_strategy(load(file), strategy)
-    strategy = parse_strategy(strategy).draw  # the paths of nee and mis are those of their draw
-    with opened(CoupledSteps(file), strategy, library, strict=strict) as case:
-        return diagnose(case, samples, progress)
+    how = parse_strategy(strategy)
+    with opened(CoupledSteps(file), how.draw, library, strict=strict) as case:
+        found = diagnose(case, samples, progress)
+    return with_lights(found, file, how, library)
 
 
 def settled(case: Case) -> Case:
