@@ -4,25 +4,60 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from harness import bench, files, studies
+from harness.cli import main
 from harness.errors import SceneError
 from harness.policy import fail_level
 from harness.report import Inputs
 from harness.results import Benchmark, StudyResult
-from harness.studies.study import study as honest_study
+from harness.studies.storage import load_study
 from tests.cli.conftest import SKY, Harness
 
 ROW = bench.BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.0, opponent_rate=2.0, ratio=6.0, low=5.5,
                 high=6.5, wall_ratio=6.1, efficiency_ratio=4.0)
 
 
+TINY = studies.Profile(spp=4, replicas=2, reference_spp=8)
+
+
 @pytest.fixture(autouse=True)
 def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(studies.PROFILES, "quick", studies.Profile(spp=4, replicas=2, reference_spp=8))
+    monkeypatch.setitem(studies.PROFILES, "quick", TINY)
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The cache that a report on the sky leaves: most tests begin with a copy of it."""
+    folder = tmp_path_factory.mktemp("drawn")
+    (folder / "sky.xml").write_text(SKY, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setenv("HARNESS_CACHE", str(folder / "cache"))
+        patch.setitem(studies.PROFILES, "quick", TINY)
+        patch.setattr("harness.report.build_report", lambda inputs, output: output / "report.pdf")
+        assert main(["report", "sky.xml", "-o", "out"]) == 0
+    return folder / "cache"
+
+
+@pytest.fixture
+def warm(drawn: Path, tmp_path: Path) -> Path:
+    """A cache that knows the sky, of this test alone."""
+    return Path(shutil.copytree(drawn, tmp_path / "cache"))
+
+
+@pytest.fixture
+def honest(warm: Path) -> StudyResult:
+    """The study of the sky; the cache has its samples, but forgot that it was made."""
+    folder, = (warm / "studies").iterdir()
+    result = load_study(folder)
+    shutil.rmtree(folder)
+    return result
 
 
 @pytest.fixture
@@ -54,7 +89,7 @@ def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
     for done, folder in ((first, "out"), (second, "elsewhere")):
         assert (done.status, done.err) == (0, "")
         lines = done.out.splitlines()
-        assert lines[0].startswith("5 of 5 pairs of scene and strategy pass; ")
+        assert lines[0].startswith("6 of 6 pairs of scene and strategy pass; ")
         assert lines[-1] == f"{folder}/report.pdf"
         assert Path(folder, "report.pdf").read_bytes().startswith(b"%PDF-")
         assert "Nothing but sky." in Path(folder, "report.html").read_text(encoding="utf-8")
@@ -64,26 +99,27 @@ def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
     assert "Speed" not in [chapter["title"] for chapter in pages[1]]
 
 
-def test_json_names_every_verdict(harness: Harness, sky: Path, unset: list[Inputs]) -> None:
+def test_json_names_every_verdict(harness: Harness, sky: Path, warm: Path, unset: list[Inputs]) -> None:
     done = harness("report", sky, "-o", "out", "--json")
     assert done.json["pdf"] == "out/report.pdf"
     assert done.json["verdicts"] == {
-        f"sky {name}": "pass" for name in ("uniform", "cosine", "phong", "lobes", "mixture")}
+        f"sky {name}": "pass" for name in ("uniform", "cosine", "phong", "lobes", "mixture", "mixture sobol")}
 
 
 class TestCache:
     """What was studied is read back, and what was lost of it is made again."""
 
     @pytest.fixture
-    def kept(self, harness: Harness, sky: Path, tmp_path: Path, unset: list[Inputs]) -> Path:
+    def kept(self, warm: Path) -> Path:
         """The folder of a study in the cache."""
-        harness("report", sky, "-o", "out")
-        folder, = (tmp_path / "cache" / "studies").iterdir()
+        folder, = (warm / "studies").iterdir()
         return folder
 
     def test_another_exposure_is_another_study_of_the_same_samples(
-        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, kept: Path, unset: list[Inputs],
+        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, warm: Path, unset: list[Inputs],
     ) -> None:
+        harness("report", sky, "-o", "out")
+
         def refuse(*arguments: object) -> None:
             raise AssertionError("rendered again")
 
@@ -94,7 +130,9 @@ class TestCache:
         assert [built.results[0].exposure for built in unset] == [-1, 1]
 
     @pytest.mark.parametrize("damage", ["", '{"format": 1}'])
-    def test_a_damaged_study_is_made_again(self, harness: Harness, sky: Path, kept: Path, damage: str) -> None:
+    def test_a_damaged_study_is_made_again(
+        self, harness: Harness, sky: Path, kept: Path, unset: list[Inputs], damage: str,
+    ) -> None:
         file = kept / "study.json"
         whole = json.loads(file.read_text(encoding="utf-8"))
         file.write_text(damage, encoding="utf-8")
@@ -106,7 +144,9 @@ class TestCache:
         assert json.loads(file.read_text(encoding="utf-8")) == whole
         assert harness("report", sky, "-o", "out").err == ""
 
-    def test_a_missing_image_is_made_again(self, harness: Harness, sky: Path, kept: Path) -> None:
+    def test_a_missing_image_is_made_again(
+        self, harness: Harness, sky: Path, kept: Path, unset: list[Inputs],
+    ) -> None:
         image, = kept.glob("reference.*.exr")
         image.unlink()
         done = harness("report", sky, "-o", "out")
@@ -116,34 +156,33 @@ class TestCache:
 
 
 def test_a_verdict_that_is_not_pass_is_named_and_makes_the_status_1(
-    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Inputs],
+    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, honest: StudyResult, unset: list[Inputs],
 ) -> None:
     def biased(*arguments: object, **options: object) -> StudyResult:
-        result = honest_study(*arguments, **options)  # type: ignore[arg-type]
         items = [dataclasses.replace(item, verdict=dataclasses.replace(item.verdict, outcome=outcome), suits=suits)
                  for item, outcome, suits in zip(
-                     result.strategies, ("fail", "inconclusive", "fail", "pass", "pass"),
-                     (True, True, False, True, True), strict=True)]
-        return dataclasses.replace(result, strategies=tuple(items))
+                     honest.strategies, ("fail", "inconclusive", "fail", "pass", "pass", "pass"),
+                     (True, True, False, True, True, True), strict=True)]
+        return dataclasses.replace(honest, strategies=tuple(items))
 
     monkeypatch.setattr("harness.studies.memo.study", biased)
     done = harness("report", sky, "-o", "out")
     assert done.status == 1
     assert done.err == "warning: sky uniform: fail\nwarning: sky cosine: inconclusive\n"
-    assert done.out.splitlines()[0].startswith("2 of 4 pairs of scene and strategy pass; ")
+    assert done.out.splitlines()[0].startswith("3 of 5 pairs of scene and strategy pass; ")
     assert done.out.splitlines()[-1] == "out/report.pdf"
 
 
 def test_a_tile_that_fails_makes_the_status_1_and_an_undecided_one_does_not(
-    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Inputs],
+    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, honest: StudyResult, unset: list[Inputs],
 ) -> None:
     def spoilt(*arguments: object, **options: object) -> StudyResult:
-        result = honest_study(*arguments, **options)  # type: ignore[arg-type]
         items = []
-        for item, outcome in zip(result.strategies, ("fail", "inconclusive", "pass", "pass", "pass"), strict=True):
+        for item, outcome in zip(honest.strategies, ("fail", "inconclusive", "pass", "pass", "pass", "pass"),
+                                 strict=True):
             tiles = dataclasses.replace(item.tiles, fine=dataclasses.replace(item.tiles.fine, outcome=outcome))
             items.append(dataclasses.replace(item, tiles=tiles))
-        return dataclasses.replace(result, strategies=tuple(items))
+        return dataclasses.replace(honest, strategies=tuple(items))
 
     monkeypatch.setattr("harness.studies.memo.study", spoilt)
     done = harness("report", sky, "-o", "out", "--json")
@@ -153,16 +192,16 @@ def test_a_tile_that_fails_makes_the_status_1_and_an_undecided_one_does_not(
 
 
 def test_all_scenes_of_a_report_share_the_rate_of_false_alarms(
-    harness: Harness, sky: Path, unset: list[Inputs],
+    harness: Harness, sky: Path, warm: Path, unset: list[Inputs],
 ) -> None:
-    """Five strategies a scene; with a second scene each has half the level, also where the first is in the cache."""
+    """Six lines a scene; with a second scene each has half the level, also where the first is in the cache."""
     other = sky.with_name("other.xml")
     other.write_text(SKY, encoding="utf-8")
     harness("report", sky, "-o", "out")
     harness("report", sky, other, "-o", "out")
     levels = [{item.tiles.fine.fail_level for result in built.results for item in result.strategies}
               for built in unset]
-    assert levels == [{fail_level(5)}, {fail_level(10)}]
+    assert levels == [{fail_level(6)}, {fail_level(12)}]
 
 
 @pytest.mark.parametrize("content", ["", '{"rows": [{"scene": "x"}]}'])
@@ -170,7 +209,7 @@ def test_all_scenes_of_a_report_share_the_rate_of_false_alarms(
     ("bench", "a benchmark result"), ("calibration", "a calibration"), ("mutants", "a kill matrix"),
     ("autopsies", "a table of autopsies")])
 def test_what_is_damaged_beside_the_report_is_left_out_with_a_warning(
-    harness: Harness, sky: Path, unset: list[Inputs], name: str, kind: str, content: str,
+    harness: Harness, sky: Path, warm: Path, unset: list[Inputs], name: str, kind: str, content: str,
 ) -> None:
     Path("out").mkdir()
     Path(f"out/{name}.json").write_text(content)
@@ -185,10 +224,10 @@ class TestCoupled:
     """Every scene of a report is compared with the oracle that draws its random numbers, once."""
 
     def test_records_are_kept_and_damaged_ones_measured_again(
-        self, harness: Harness, sky: Path, tmp_path: Path, unset: list[Inputs],
+        self, harness: Harness, sky: Path, warm: Path, unset: list[Inputs],
     ) -> None:
         assert harness("report", sky, "-o", "out").status == 0
-        file, = (tmp_path / "cache" / "coupled").glob("*/coupled.npz")
+        file, = (warm / "coupled").glob("*/coupled.npz")
         file.write_bytes(b"")
         done = harness("report", sky, "-o", "out")
         assert done.err.startswith(f"warning: {file}: missing or damaged (")
@@ -198,8 +237,10 @@ class TestCoupled:
                 ("sky", "mixture", 0), ("sky", "uniform", 0)]
 
     def test_a_scene_that_the_oracle_cannot_follow_is_left_out_with_a_word(
-        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, unset: list[Inputs],
+        self, harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, warm: Path, unset: list[Inputs],
     ) -> None:
+        shutil.rmtree(warm / "coupled")
+
         def refuse(*arguments: object) -> None:
             raise SceneError("sky.xml: too far")
 
@@ -213,7 +254,7 @@ class TestExhibits:
     """The handout's errors belong to the report on the scenes that come with the harness."""
 
     @pytest.fixture
-    def measured(self, monkeypatch: pytest.MonkeyPatch, sky: Path) -> list[int]:
+    def measured(self, monkeypatch: pytest.MonkeyPatch, sky: Path, warm: Path) -> list[int]:
         """The bundled scenes are one, the exhibits are none and counted, and reports keep what they are given."""
         calls: list[int] = []
 
@@ -229,7 +270,9 @@ class TestExhibits:
         monkeypatch.setattr(files, "data_dir", lambda name: folder if name == "mitsuba_scenes" else real(name))
         return calls
 
-    def test_they_are_measured_once_and_read_back(self, harness: Harness, measured: list[int]) -> None:
+    def test_they_are_measured_once_and_read_back(
+        self, harness: Harness, measured: list[int], unset: list[Inputs],
+    ) -> None:
         assert harness("report", "-o", "out").status == 0
         assert harness("report", "-o", "out").status == 0
         assert len(measured) == 1
@@ -249,4 +292,4 @@ class TestExhibits:
         self, harness: Harness, measured: list[int], tmp_path: Path, unset: list[Inputs],
     ) -> None:
         assert harness("report", tmp_path / "scenes" / "sky.xml", "-o", "out").status == 0
-        assert not measured
+        assert not measured and not unset[0].exhibits

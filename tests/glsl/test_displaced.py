@@ -12,7 +12,7 @@ from harness.files import data_dir
 from harness.gpu.context import device
 from harness.scene import Scene
 from harness.scene.displaced import bounds, normal, radius
-from harness.scene.model import Displacement, Shape
+from harness.scene.model import Displacement, Procedural, Shape
 from harness.shader.scene.chunk import scene_chunk
 from harness.shader.scene.displaced import march_steps
 from tests.support.scenes import SENSOR, SceneWriter
@@ -106,21 +106,36 @@ def height(displacement: Displacement, p: np.ndarray) -> np.ndarray:
     return np.asarray(distance - r.reshape(distance.shape))
 
 
+def above(displacement: Displacement, p: np.ndarray) -> np.ndarray:
+    """Whether points of object space, (..., 3), lie above the surface; its noise is asked only where it can rise to."""
+    texture = displacement.texture
+    assert isinstance(texture, Procedural)
+    reach = 1 + displacement.amplitude * np.array([color[0] for color in texture.colors])
+    distance = np.linalg.norm(p, axis=-1)
+    found = distance > reach.max()
+    within = (distance >= reach.min() - 1e-9) & (distance <= reach.max() + 1e-9)
+    found[within] = height(displacement, p[within]) > 0
+    return np.asarray(found)
+
+
 def first_roots(displacement: Displacement, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Where rays of object space first meet the surface, by brute force in float64; NO_HIT where nowhere."""
     foot = -(o * d).sum(axis=1)
     half = np.sqrt(np.maximum(4 - ((o + foot[:, None] * d)**2).sum(axis=1), 0))  # of the chord through |p| < 2
     start, end = np.maximum(foot - half, 0), np.maximum(foot + half, 0)
     t = start[:, None] + (end - start)[:, None] * np.linspace(0, 1, SAMPLES)
-    side = height(displacement, o[:, None] + t[..., None] * d[:, None]) > 0
+    side = above(displacement, o[:, None] + t[..., None] * d[:, None])
     changes = side[:, 1:] != side[:, :-1]
-    index, rows = changes.argmax(axis=1), np.arange(len(o))
-    low, high = t[rows, index], t[rows, index + 1]
+    index, meets = changes.argmax(axis=1), changes.any(axis=1)
+    rows = np.flatnonzero(meets)  # others need no halving
+    low, high = t[rows, index[rows]], t[rows, index[rows] + 1]
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        before = (height(displacement, o + middle[:, None] * d) > 0) == side[rows, index]
+        before = above(displacement, o[rows] + middle[:, None] * d[rows]) == side[rows, index[rows]]
         low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return np.where(changes.any(axis=1), low, NO_HIT)
+    roots = np.full(len(o), NO_HIT)
+    roots[rows] = low
+    return roots
 
 
 def displacement_of(shape: Shape) -> Displacement:
