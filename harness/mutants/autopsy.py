@@ -53,8 +53,8 @@ HOMES = {"lens": ("depth_of_field", "mixture"), "time": ("motion_blur", "mixture
          "lib/displaced.glsl": ("displaced", "mixture"), "lib/bitmaps.glsl": ("textures", "mixture"),
          "lib/uv.glsl": ("textures", "mixture"), "lib/environment.glsl": ("environment", "mixture"),
          "lib/procedural.glsl": ("procedural", "mixture"), "lib/noise.glsl": ("procedural", "mixture")}
-# Topics of mutants and variants that are left out. An autopsy follows paths that gather the light that they meet, and has
-# no record of rays to lights. To examine these, the tap has to tell of every vertex which light was chosen, in which
+# Topics of mutants and variants that are left out. An autopsy follows paths that gather the light which they meet, and
+# has no record of rays to lights. To examine these, the tap has to tell of every vertex which light was chosen, in what
 # direction, with what density and what was reached, and the float64 path has to sample lights by the same numbers.
 NOT_EXAMINED = ("lights",)
 # Autopsies of one task, after which it asks for another.
