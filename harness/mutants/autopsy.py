@@ -15,7 +15,7 @@ import numpy as np
 from harness.diagnosis.autopsy import SAMPLES, diagnose, looks, opened
 from harness.diagnosis.case import Case
 from harness.diagnosis.record import AutopsyRecord
-from harness.errors import StoreError
+from harness.errors import HarnessError, StoreError
 from harness.files import data_dir, write_atomically
 from harness.gpu.tap import Observed
 from harness.mutants.catalogue import Mutant, mutated
@@ -53,6 +53,10 @@ HOMES = {"lens": ("depth_of_field", "mixture"), "time": ("motion_blur", "mixture
          "lib/displaced.glsl": ("displaced", "mixture"), "lib/bitmaps.glsl": ("textures", "mixture"),
          "lib/uv.glsl": ("textures", "mixture"), "lib/environment.glsl": ("environment", "mixture"),
          "lib/procedural.glsl": ("procedural", "mixture"), "lib/noise.glsl": ("procedural", "mixture")}
+# Topics of mutants and variants that are left out. An autopsy follows paths that gather the light which they meet, and
+# has no record of rays to lights. To examine these, the tap has to tell of every vertex which light was chosen, in what
+# direction, with what density and what was reached, and the float64 path has to sample lights by the same numbers.
+NOT_EXAMINED = ("lights",)
 # Autopsies of one task, after which it asks for another.
 CHUNK = 8
 
@@ -60,10 +64,18 @@ CHUNK = 8
 def score(mutants: Sequence[Mutant], *, jobs: int = 1, variants: bool = True,
           progress: Progress = quiet) -> AutopsyScore:
     """Examine every mutant until a scene shows it, and the right shader and its variants on every scene with
-    every strategy that suits it, in `jobs` processes. HarnessError where a mutant or a variant does not apply."""
+    every strategy that suits it, in `jobs` processes; topics of NOT_EXAMINED are left out.
+
+    HarnessError where a mutant or a variant does not apply, and where no mutant is left.
+    """
+    mutants = [mutant for mutant in mutants if mutant.topic not in NOT_EXAMINED]
+    if not mutants:
+        raise HarnessError(f"autopsies do not examine mutants of {', '.join(NOT_EXAMINED)}: they follow no rays to "
+                           "lights; ask the gates, without --autopsy")
     for mutant in mutants:
         mutated(mutant)
-    right = [("ours", OURS), *((variant.id, as_own_files(variant)) for variant in load_variants())] if variants else []
+    right = [("ours", OURS), *((variant.id, as_own_files(variant)) for variant in load_variants()
+                               if variant.topic not in NOT_EXAMINED)] if variants else []
     found: dict[str, NamedMutant] = {}
     seen: dict[str, NamedMutant] = {}
     everywhere = list(_everywhere()) if right else []

@@ -15,13 +15,16 @@ from harness.estimators.base import Renderer
 from harness.estimators.tracer import Tracer
 from harness.gates import Gate, References
 from harness.gates.runner import check_gate, run_gate
-from harness.gpu.context import Program
+from harness.gpu.context import Program, device
 from harness.mutants.catalogue import Mutant, mutated
 from harness.mutants.matrix import State
 from harness.samples.estimate import Batch, with_luminance
 from harness.samples.store import Store
 from harness.scene import Film
+from harness.shader.conditionals import preprocess
+from harness.shader.lexer import without_comments
 from harness.shader.library import OURS, Library
+from harness.shader.source import ShaderSource
 from harness.stats.tiles import TileAccumulator, TileSamples
 from harness.stats.verdicts import bias_verdict
 
@@ -41,7 +44,7 @@ class _Prepared:
     gate: Gate
     test: Tracer
     film: Film
-    text: str
+    compiled: tuple[str, ...]
     right: Batch
     reference: TileSamples
 
@@ -110,7 +113,7 @@ class Judge:
             reference.grow(gate.looks[0])
             with test.open(gate.scene) as renderer:
                 right = renderer.render_batch(0, 0, GLANCE_SPP)
-                self._prepared[gate.name] = _Prepared(gate, test, film, renderer.source.text, right,
+                self._prepared[gate.name] = _Prepared(gate, test, film, _compiled(renderer.source), right,
                                                       reference.tiles(gate.looks[0]))
         return self._prepared[gate.name]
 
@@ -153,11 +156,21 @@ def _infected(prepared: _Prepared, mutant: Mutant) -> Tracer:
 def _first_sight(prepared: _Prepared, mutant: Mutant) -> State:
     """What a gate says of a mutant at a glance, if its shader is another than the right one."""
     infected = _infected(prepared, mutant)
-    if infected.source(prepared.gate.scene).text == prepared.text:
+    if _compiled(infected.source(prepared.gate.scene)) == prepared.compiled:
         return "untouched"
     with infected.open(prepared.gate.scene) as renderer:
         touched = _differ(renderer.render_batch(0, 0, GLANCE_SPP), prepared.right)
         return _glance(prepared, renderer) if touched else "untouched"
+
+
+def _compiled(source: ShaderSource) -> tuple[str, ...]:
+    """What a compiler sees of a shader on this device: its directives, and the lines that they leave.
+
+    Most gates leave out most of what samples lights, and are then untouched without a compiler's time.
+    """
+    seen = preprocess(without_comments(device().fitted(source).text, "the shader"))
+    kept = (f"{name} {value}" for name, value in sorted(seen.macros.items()))
+    return (*kept, *(line for line in map(str.strip, seen.text.splitlines()) if line))
 
 
 def _glance(prepared: _Prepared, renderer: Renderer) -> State:

@@ -28,6 +28,11 @@ class Variant:
     exchanges: tuple[OwnLine, ...]
     where: str
 
+    @property
+    def topic(self) -> str:
+        """The file that the variant stands in, such as 'sampling'."""
+        return Path(self.where.rpartition(":")[0]).stem
+
     def applied(self, library: Library = OURS) -> Library:
         """The library with these lines exchanged. HarnessError where one is not there, or there more than once."""
         try:

@@ -12,6 +12,7 @@ from harness.errors import HarnessError
 from harness.files import data_dir
 from harness.gpu.context import Program
 from harness.mutants import runner
+from harness.mutants.autopsy import score
 from harness.mutants.catalogue import Mutant, choose, load_catalogue, mutated
 from harness.mutants.matrix import KillMatrix, as_json
 from harness.mutants.memory import Memory
@@ -67,6 +68,11 @@ class TestCatalogue:
     def test_names_tests_that_exist(self) -> None:
         modules = {path.stem for folder in MODULE_FOLDERS for path in (TESTS / folder).glob("test_*.py")}
         assert {mutant.killer for mutant in CATALOGUE if mutant.killer.startswith("test_")} <= modules
+
+    def test_autopsies_leave_out_lights(self) -> None:
+        """Or all of them would count as missed, after many minutes."""
+        with pytest.raises(HarnessError, match="autopsies do not examine mutants of lights"):
+            score(choose(CATALOGUE, ["lights"]))
 
     def test_is_chosen_from_by_id_and_topic(self) -> None:
         assert choose(CATALOGUE, []) == CATALOGUE
@@ -134,13 +140,15 @@ def seeded(**changes: str) -> Mutant:
 
 @pytest.fixture(scope="module")
 def matrix(gates: Gates) -> KillMatrix:
-    """Three that die by different gates, one only by all its looks, one that is tolerated, one that nothing can see."""
+    """Three that die by different gates, one only by all its looks, one that is tolerated, one that nothing can see,
+    and one that the gate's shader leaves out: it would not compile."""
     chosen = [mutant for mutant in CATALOGUE if mutant.id in ("display-gamma", "seed-without-replica")]
     return run_mutants([
         seeded(), *chosen, seeded(id="as large as the tolerance", replacement="throughput = vec3(1.02);"),
         seeded(id="half the tolerance", replacement="throughput = vec3(1.01);"),
         seeded(id="y", file="lib/motion.glsl", replacement="float path_time = 0.0;",
-               line="float path_time;  // the moment at which the current path sees the scene")], gates)
+               line="float path_time;  // the moment at which the current path sees the scene"),
+        seeded(id="z", line="ray.weight *= throughput;", replacement="ray.weight *= nothing_of_this_name;")], gates)
 
 
 class TestRun:
@@ -155,18 +163,18 @@ class TestRun:
         assert killers["seed-without-replica"] == ["convex", "test_random"]
         # At a glance it does not fail; but it cannot pass.
         assert killers["as large as the tolerance"] == ["convex"]
-        assert killers["half the tolerance"] == killers["y"] == []
+        assert killers["half the tolerance"] == killers["y"] == killers["z"] == []
 
     def test_what_does_not_change_a_pixel_is_told_from_what_survives(self, matrix: KillMatrix) -> None:
         states = {mutant.id: dict(zip(matrix.gates, row, strict=True))
                   for mutant, row in zip(matrix.mutants, matrix.cells, strict=True)}
         assert states["display-gamma"]["convex"] == "untouched"
-        assert states["y"] == {**dict.fromkeys(matrix.gates, "not run"), "convex": "untouched"}
+        assert states["y"] == states["z"] == {**dict.fromkeys(matrix.gates, "not run"), "convex": "untouched"}
 
     def test_survivors_and_idle_gates_are_named(self, matrix: KillMatrix) -> None:
-        assert [mutant.id for mutant in matrix.survivors] == ["half the tolerance", "y"]
+        assert [mutant.id for mutant in matrix.survivors] == ["half the tolerance", "y", "z"]
         assert matrix.idle == matrix.missed == ()
-        assert list(as_json(matrix)["survivors"]) == ["half the tolerance", "y"]
+        assert list(as_json(matrix)["survivors"]) == ["half the tolerance", "y", "z"]
 
     def test_a_mutant_that_does_not_compile_is_an_error(self, gates: Gates) -> None:
         with pytest.raises(HarnessError, match=r"here\.toml:1: mutant 'x' does not compile: lib/path\.glsl:\d+: "):
