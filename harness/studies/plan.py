@@ -40,7 +40,7 @@ class Profile:
 
 
 PROFILES = {
-    "quick": Profile(spp=256, replicas=8, reference_spp=1024),
+    "quick": Profile(spp=128, replicas=8, reference_spp=1024),
     "full": Profile(spp=8192, replicas=12, reference_spp=65536),
 }
 
