@@ -20,7 +20,7 @@ from harness.shader.hosts.base import SEEDS
 from harness.shader.hosts.native import NATIVE
 from harness.shader.library import OURS
 from harness.shader.samplers import DEFAULT, Sampler, sampler_named
-from harness.shader.scene.displaced import march_steps
+from harness.shader.scene.lights import path_iterations
 from harness.shader.source import ShaderSource
 from harness.shader.strategies import check_strategy, parse_strategy
 
@@ -44,8 +44,7 @@ class TracerRenderer:
         self.strategy = check_strategy(scene, strategy)
         self.source = source or OURS.tracer(scene, strategy)
         self._samplers = Samplers(scene, self.source)
-        marches = 2 if parse_strategy(strategy).samples_lights else 1  # a vertex's to a light is one of its own
-        iterations = scene.max_depth * (1 + march_steps(scene.shapes)) * marches  # of one sample, at most
+        iterations = path_iterations(scene, parse_strategy(strategy))
         try:
             self._pingpong = PingPong(device().fitted(self.source), (scene.width, scene.height), NATIVE,
                                       self._samplers.bind, iterations)

@@ -11,8 +11,9 @@ from harness.scene.model import Scene
 from harness.shader.exports.readable import Text, split
 from harness.shader.library import GENERATED, Library
 from harness.shader.scene.chunk import scene_chunk
-from harness.shader.scene.displaced import march_steps
+from harness.shader.scene.lights import path_iterations
 from harness.shader.scene.literals import in_comment, number
+from harness.shader.strategies import parse_strategy
 
 # Iterations of all loops of one invocation that no driver leaves early: see harness/gpu/device.py.
 MAX_ITERATIONS = 32_768
@@ -53,7 +54,7 @@ class Job:
     @property
     def frame_samples(self) -> int:
         """Samples per pixel of one frame: as asked, or fewer where paths are so long that drivers would break off."""
-        iterations = self.scene.max_depth * (1 + march_steps(self.scene.shapes))  # of one sample, at most
+        iterations = path_iterations(self.scene, parse_strategy(self.strategy))
         return max(1, min(self.samples, MAX_ITERATIONS // iterations))
 
     def tracer(self, generated: Mapping[str, str] | None = None, *, es: bool = False) -> Text:

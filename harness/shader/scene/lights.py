@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.scene.lights import ENVIRONMENT, Light, area, face_areas, lights_sampled, reach
 from harness.scene.model import EnvironmentMap, Procedural, Scene, Shape
+from harness.shader.scene.displaced import march_steps
 from harness.shader.scene.environment import sampling_functions
 from harness.shader.scene.geometry import geometric_normal
 from harness.shader.scene.literals import chosen, function, is_any, number, vector
@@ -34,6 +35,13 @@ def light_switches(scene: Scene, strategy: Strategy) -> dict[str, object]:
             "HAS_LIGHT_CHOICE": int(len(lights) > 1),
             "HAS_SHAPE_LIGHTS": int(any(index != ENVIRONMENT for index in lights)),
             "HAS_SKY_LIGHT": int(ENVIRONMENT in lights)}
+
+
+def path_iterations(scene: Scene, strategy: Strategy) -> int:
+    """Iterations of the tracer's loop that one sample takes at most: its vertices, and where spheres are displaced the
+    steps of each ray's march, which one to a light has as well."""
+    marches = 1 + march_steps(scene.shapes)
+    return scene.max_depth * marches * (2 if marches > 1 and strategy.samples_lights else 1)
 
 
 def light_functions(scene: Scene, strategy: Strategy, motions: Motions) -> list[str]:

@@ -33,7 +33,7 @@ def samples_of(host: str) -> int:
 @pytest.mark.parametrize("host", HOSTS)
 @pytest.mark.parametrize(("name", "strategy", "exact_in_es"), [
     ("cylinders", "uniform", True), ("depth_of_field", "mixture", False), ("traps/far_camera", "lobes", True),
-    ("displaced", "cosine", True),
+    ("displaced", "cosine", True), ("cornell", "mis", False), ("motion_blur", "nee", False),
 ])
 def test_sums_are_those_of_render(host: str, name: str, strategy: str, exact_in_es: bool) -> None:
     """Bit for bit; what the first frame finds in its past does not matter."""
