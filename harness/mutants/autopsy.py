@@ -53,9 +53,9 @@ HOMES = {"lens": ("depth_of_field", "mixture"), "time": ("motion_blur", "mixture
          "lib/displaced.glsl": ("displaced", "mixture"), "lib/bitmaps.glsl": ("textures", "mixture"),
          "lib/uv.glsl": ("textures", "mixture"), "lib/environment.glsl": ("environment", "mixture"),
          "lib/procedural.glsl": ("procedural", "mixture"), "lib/noise.glsl": ("procedural", "mixture")}
-# Topics of mutants and variants that are left out. An autopsy follows paths that gather the light which they meet, and
-# has no record of rays to lights. To examine these, the tap has to tell of every vertex which light was chosen, in what
-# direction, with what density and what was reached, and the float64 path has to sample lights by the same numbers.
+# Topics of mutants and variants that are left out: what is scored is the function that taps of a path name, and they
+# follow no rays to lights. Of these an autopsy compares whole samples (harness/diagnosis/lights.py), and names a group of
+# functions. To score it, SCENES need nee and mis, `_observe` whole samples, and `_named` what of a group is right.
 NOT_EXAMINED = ("lights",)
 # Autopsies of one task, after which it asks for another.
 CHUNK = 8
@@ -70,8 +70,8 @@ def score(mutants: Sequence[Mutant], *, jobs: int = 1, variants: bool = True,
     """
     mutants = [mutant for mutant in mutants if mutant.topic not in NOT_EXAMINED]
     if not mutants:
-        raise HarnessError(f"autopsies do not examine mutants of {', '.join(NOT_EXAMINED)}: they follow no rays to "
-                           "lights; ask the gates, without --autopsy")
+        raise HarnessError(f"autopsies do not examine mutants of {', '.join(NOT_EXAMINED)}: their taps follow no "
+                           "rays to lights; ask the gates, without --autopsy")
     for mutant in mutants:
         mutated(mutant)
     right = [("ours", OURS), *((variant.id, as_own_files(variant)) for variant in load_variants()

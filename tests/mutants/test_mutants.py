@@ -55,7 +55,8 @@ class TestCatalogue:
         assert len(CATALOGUE) >= 80
         files = {f"lib/{path.name}" for path in (data_dir("glsl") / "lib").glob("*.glsl")}
         missing = files - {mutant.file for mutant in CATALOGUE}
-        assert missing <= {"lib/trigonometry.glsl"}, "a part of the library without a mutant"
+        # What is declared alone has no line to get wrong that would compile.
+        assert missing <= {"lib/trigonometry.glsl", "lib/interface.glsl"}, "a part of the library without a mutant"
         assert {"path_tracer.frag", "display.frag"} <= {mutant.file for mutant in CATALOGUE}
 
     @pytest.mark.parametrize("mutant", CATALOGUE, ids=lambda mutant: mutant.id)
