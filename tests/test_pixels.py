@@ -6,6 +6,7 @@ folder.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 from pathlib import Path
@@ -19,7 +20,9 @@ from harness.gpu.context import describe_gl
 from harness.gpu.device import ENTRY
 from harness.gpu.renderer import TracerRenderer
 from harness.samples.estimate import Batch
-from harness.scene import load_scene
+from harness.scene import Scene, load_scene
+from harness.shader.library import OURS
+from harness.shader.source import ShaderSource
 from harness.shader.strategies import STRATEGIES
 
 FILE = Path(__file__).with_name("pixels.json")
@@ -39,10 +42,20 @@ def bundled() -> set[str]:
     return {path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.xml")}
 
 
+@functools.lru_cache(maxsize=1)  # tests go through the strategies of a scene, and share what is read of its files
+def loaded(scene: str) -> Scene:
+    return load_scene(data_dir("mitsuba_scenes") / f"{scene}.xml", width=WIDTH, height=HEIGHT)
+
+
+@functools.lru_cache(maxsize=1)
+def source(scene: str, strategy: str) -> ShaderSource:
+    """The shader, of which either entry makes its own program."""
+    return OURS.tracer(loaded(scene), strategy)
+
+
 def drawn(scene: str, strategy: str, *counts: int) -> list[Batch]:
     """Samples from 0 on of replica 0, as many as each of the counts says."""
-    renderer = TracerRenderer(load_scene(data_dir("mitsuba_scenes") / f"{scene}.xml", width=WIDTH, height=HEIGHT),
-                              strategy)
+    renderer = TracerRenderer(loaded(scene), strategy, source(scene, strategy))
     try:
         return [renderer.render_batch(0, 0, count) for count in counts]
     finally:
@@ -55,8 +68,8 @@ def written_down(batch: Batch) -> dict[str, Any]:
             "mean": [float(value) for value in batch.mean.astype(np.float64).mean((0, 1))], "rejected": batch.rejected}
 
 
-@pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("scene", SCENES)  # the outer one
 def test_pixels_are_what_they_were(scene: str, strategy: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """To the bit on the driver that drew them, else to a few paths' share of the mean; and by the compute shader as by
     the fragment shader, in two samples of each pixel, but for what is made of denormal numbers."""
