@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +21,7 @@ from harness.stats.convergence import band
 WIDTH_CM, HEIGHT_CM = 17.0, 7.2  # the page's text width; the figure is printed at its own size
 
 LEGEND_COLUMNS = 3
+LEGEND_ROW_CM = 0.45
 _FINE_SLOPE = 0.001  # half widths below this have a fourth decimal
 _MIN_TICKS, _MAX_TICKS = 3, 6
 # Merged estimates of several strategies share one number of samples: their error bars stand side by side.
@@ -41,13 +43,17 @@ def curves(result: StudyResult) -> Figure:
     Bands are Student confidence intervals over the replicas, at the confidence of the scene's verdicts; error bars
     in the middle panel are the verdict's own interval, of the estimate that merges all replicas.
     """
-    figure = blank(WIDTH_CM, HEIGHT_CM)
+    handles = _legend_handles(result)
+    more = max(0, math.ceil(len(handles) / LEGEND_COLUMNS) - 2) * LEGEND_ROW_CM  # than the two rows that most have
+    height = HEIGHT_CM + more
+    figure = blank(WIDTH_CM, height)
     panels = figure.subplots(1, 3)
-    figure.subplots_adjust(left=0.055, right=0.985, bottom=0.13, top=0.78, wspace=0.27)
+    figure.subplots_adjust(left=0.055, right=0.985, bottom=0.13 * HEIGHT_CM / height,
+                           top=1 - (0.22 * HEIGHT_CM + more) / height, wspace=0.27)
     _rmse_panel(panels[0], result)
     _mean_error_panel(panels[1], result)
     _ssim_panel(panels[2], result)
-    figure.legend(handles=_legend_handles(result), loc="upper left", bbox_to_anchor=(0.0, 1.0), ncols=LEGEND_COLUMNS,
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.0, 1.0), ncols=LEGEND_COLUMNS,
                   frameon=False, handlelength=2.2, columnspacing=1.6, handletextpad=0.5, borderaxespad=0.2)
     return figure
 
