@@ -54,8 +54,8 @@ HOMES = {"lens": ("depth_of_field", "mixture"), "time": ("motion_blur", "mixture
          "lib/uv.glsl": ("textures", "mixture"), "lib/environment.glsl": ("environment", "mixture"),
          "lib/procedural.glsl": ("procedural", "mixture"), "lib/noise.glsl": ("procedural", "mixture")}
 # Topics of mutants and variants that are left out: what is scored is the function that taps of a path name, and they
-# follow no rays to lights. Of these an autopsy compares whole samples (harness/diagnosis/lights.py) and names a group of
-# functions. To score it, SCENES need nee and mis, `_observe` whole samples, and `_named` what of a group is right.
+# follow no rays to lights. Of these an autopsy compares whole samples (harness/diagnosis/lights.py), and names a group
+# of functions. To score it, SCENES need nee and mis, `_observe` whole samples, and `_named` what of a group is right.
 NOT_EXAMINED = ("lights",)
 # Autopsies of one task, after which it asks for another.
 CHUNK = 8
