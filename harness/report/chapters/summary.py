@@ -127,7 +127,7 @@ def _convergence(judged: Sequence[Pair]) -> list[Remark]:
 
 
 # What was bought: in words, by which strategy over which other; names of samplers stand behind those of strategies.
-_BOUGHT = (("Importance sampling", "mixture", "uniform"), ("light sampling", "mis", "mixture"),
+_BOUGHT = (("importance sampling", "mixture", "uniform"), ("light sampling", "mis", "mixture"),
            ("evenly spread numbers", f"mis {EVEN}", "mis"), ("evenly spread numbers", f"mixture {EVEN}", "mixture"))
 
 
@@ -144,13 +144,12 @@ def _bought(results: Sequence[StudyResult]) -> list[Remark]:
     for idea, found in factors.items():
         least, most = min(found), max(found)
         middle = formats.significant(float(np.median([factor for factor, _ in found])), 2)
-        spread = (f" (half of {formats.plural(len(found), 'scene')} more; "
-                  f"{formats.significant(least[0], 2)} on {least[1]}, {formats.significant(most[0], 2)} on {most[1]})")
-        told.append(f"{idea} {middle} times as soon{spread if len(found) > 1 else f' ({least[1]})'}")
+        spread = (f"the middle of {formats.plural(len(found), 'scene')}, from {formats.significant(least[0], 2)} on "
+                  f"{least[1]} to {formats.significant(most[0], 2)} on {most[1]}")
+        told.append(f"{idea} {middle} times ({spread if len(found) > 1 else least[1]})")
     if not told:
         return []
-    return [Remark(f"{told[0][0].upper()}{told[0][1:]}"
-                   f"{''.join(f', {each}' for each in told[1:])}: so much sooner is the same error reached.")]
+    return [Remark(f"By how much sooner the same error is reached: {formats.words(told)}.")]
 
 
 def _gains(results: Sequence[StudyResult]) -> list[Remark]:
