@@ -133,15 +133,17 @@ _BOUGHT = (("importance sampling", "mixture", "uniform"), ("light sampling", "mi
 
 def _bought(results: Sequence[StudyResult]) -> list[Remark]:
     """How much sooner the same error is reached by each of three ideas: the middle of the scenes, and the extremes."""
-    factors: dict[str, list[tuple[float, str]]] = {}
+    factors: dict[str, list[tuple[float, str]]] = {idea: [] for idea, *_ in _BOUGHT}
     for result in results:
         equal = equal_error(result)
         seconds = {cost.strategy.strategy: cost.seconds.value for cost in equal.costs} if equal else {}
         for idea, better, plain in _BOUGHT:
             if better in seconds and plain in seconds and np.isfinite(seconds[plain] / seconds[better]):
-                factors.setdefault(idea, []).append((seconds[plain] / seconds[better], result.scene))
+                factors[idea].append((seconds[plain] / seconds[better], result.scene))
     told = []
     for idea, found in factors.items():
+        if not found:
+            continue
         least, most = min(found), max(found)
         middle = formats.significant(float(np.median([factor for factor, _ in found])), 2)
         spread = (f"the middle of {formats.plural(len(found), 'scene')}, from {formats.significant(least[0], 2)} on "
