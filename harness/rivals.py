@@ -31,7 +31,8 @@ from harness.stats.efficiency import Factor
 INTEGRATOR = "path"
 # Samples per pixel of a replica: a square, so that none of Mitsuba's samplers but `orthogonal` rounds it up.
 SPP = 64
-# Pixels across; the film's shape is the scene's. Neither ratios of variances nor of costs hang on it.
+# Pixels across; the film's shape is the scene's. Half of what most scenes have, so that all of them can be
+# measured: what a call of Mitsuba costs whatever its size then weighs more than in a picture.
 WIDTH = 96
 # Noise that is rounding, as a part of the image's mean.
 EXACT = 1e-6

@@ -7,7 +7,7 @@
 // Of a flat shape, a cube or a cylinder a point is drawn, evenly over what faces o. Per steradian, a density per area is
 // larger by distance² / cos θ at the light; with the height h of o above the light's plane there, cos θ = h / distance.
 // Balls are drawn by the directions that they cover: Shirley, Wang & Zimmerman 1996, "Monte Carlo Techniques for Direct
-// Lighting Calculations", ACM TOG 15(1), section 3.2. From inside a closed shape every direction meets it.
+// Lighting Calculations", ACM TOG 15(1). From inside a closed shape every direction meets it.
 #ifndef LIB_LIGHTS
 #define LIB_LIGHTS
 

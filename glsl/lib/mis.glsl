@@ -1,6 +1,6 @@
 // Multiple importance sampling: what a sample of one technique weighs where another might have drawn it as well.
 //
-// Veach & Guibas 1995, "Optimally Combining Sampling Techniques for Monte Carlo Rendering", section 3: any weights that add
+// Veach & Guibas 1995, "Optimally Combining Sampling Techniques for Monte Carlo Rendering": any weights that add
 // up to 1 over the techniques leave the estimate unbiased. Densities are per steradian, all of them.
 #ifndef LIB_MIS
 #define LIB_MIS

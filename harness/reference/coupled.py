@@ -429,7 +429,7 @@ def _facing(met: Met, direction: Any) -> Any:
 
 
 def _weight(own: Any, other: Any, heuristic: str) -> Any:
-    """Of multiple importance sampling, for what was drawn with density `own`: Veach & Guibas 1995, section 3."""
+    """Of multiple importance sampling, for what was drawn with density `own`: Veach & Guibas 1995."""
     import drjit as dr
 
     if heuristic == "power":

@@ -18,28 +18,24 @@ REPLACED = "lib/random.glsl"
 class Sampler:
     """Where a path's random numbers come from.
 
-    `told`: what it is, in a sentence; `suits`: when to take it; `chunk`: the file under glsl/ whose functions stand in
-    for those of lib/random.glsl, empty for these. `slopes`: what the root mean squared error of a pixel falls by with
-    its number of samples, on double logarithmic axes, where pixels are smooth, hold edges, and hang on many numbers.
+    `chunk`: the file under glsl/ whose functions stand in for those of lib/random.glsl, empty for these. `slopes`: what
+    the root mean squared error of a pixel falls by with its number of samples, on double logarithmic axes, where pixels
+    are smooth, hold edges, and hang on many numbers.
     `independent_batches`: whether the batches of one replica are independent of each other, so that their scatter is
     the noise of their mean; else only replicas are.
     """
 
     name: str
-    told: str
-    suits: str
     slopes: tuple[float, float, float]
     chunk: str = ""
     independent_batches: bool = True
 
 
 _ALL = (
-    Sampler("independent", "Every number is drawn for itself, from a stream of integer hashes.",
-            "Always; each batch tells its own noise.", (-0.5, -0.5, -0.5)),
-    Sampler(EVEN, "The numbers of a pixel's samples are spread evenly, by Sobol's sequence in pairs, scrambled by "
-                     "hashes.",
-            "Where few numbers decide a pixel: lenses, motion, direct light, few bounces. Its noise is told by "
-            "replicas alone.", (-1.0, -0.75, -0.5), "samplers/sobol.glsl", independent_batches=False),
+    # Every number is drawn for itself, from a stream of integer hashes.
+    Sampler(DEFAULT, (-0.5, -0.5, -0.5)),
+    # The numbers of a pixel's samples are spread evenly, by Sobol's sequence in pairs, scrambled by hashes.
+    Sampler(EVEN, (-1.0, -0.75, -0.5), "samplers/sobol.glsl", independent_batches=False),
 )
 SAMPLERS = tuple(sampler.name for sampler in _ALL)
 

@@ -77,8 +77,8 @@ def exhibited_strategies(scene: Scene) -> tuple[str, ...]:
 
 
 def exhibited(scene: Scene) -> tuple[Tracer, ...]:
-    """What a report shows of a scene: those strategies by the usual sampler, and by evenly spread numbers the one of
-    them that finds most: `mis`, or else the last that suits. Errors as above."""
+    """What a report shows of a scene: those strategies by the usual sampler, and by evenly spread numbers one of
+    them: `mis`, or else the last that suits. Errors as above."""
     names = exhibited_strategies(scene)
     suited = [name for name in names if check_strategy(scene, name).suits]
     best = next((name for name in suited if name == "mis"), suited[-1] if suited else "")

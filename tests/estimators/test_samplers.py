@@ -30,10 +30,8 @@ def test_names_and_keys_tell_the_samplers_apart() -> None:
 
 
 @pytest.mark.parametrize("name", SAMPLERS)
-def test_each_says_what_it_is(name: str) -> None:
+def test_only_batches_that_depend_on_each_other_fall_faster(name: str) -> None:
     sampler = sampler_named(name)
-    assert sampler.told.endswith(".")
-    assert sampler.suits.endswith(".")
     assert sampler.independent_batches == (set(sampler.slopes) == {-0.5})
 
 

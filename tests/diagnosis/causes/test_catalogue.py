@@ -24,7 +24,7 @@ formula = "c"
 
 def test_every_line_that_defects_are_written_into_is_in_the_shader_once() -> None:
     for file, line in known_lines().values():
-        OURS.with_line(file, line, f"{line} // changed")
+        assert OURS.with_line(file, line, f"{line} // changed").digest != OURS.digest
 
 
 def test_holds_what_the_field_calls_its_slips() -> None:
