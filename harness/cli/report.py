@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
@@ -24,9 +26,14 @@ from harness.errors import HarnessError, SceneError, StoreError
 
 if TYPE_CHECKING:
     from harness.results import CoupledRecord, Exhibit
+    from harness.samples.store import Store
     from harness.scene import Scene
+    from harness.studies.ahead import Part
+    from harness.studies.plan import Profile
 
 Found = TypeVar("Found")
+MAX_JOBS = 8  # a process takes half a gigabyte
+COUPLED, ORACLE, EXHIBITS = "against the coupled oracle", "the coupled oracle", "the handout's errors"
 
 
 def report(
@@ -35,6 +42,9 @@ def report(
                                                         "are given.", show_default=False)] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for report.pdf and report.html.")]
     = Path("reports/out"),
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=256, help="Scenes studied at a time, each in "
+                                      "a process; one a core, but eight at most, if not given.")]
+    = min(os.cpu_count() or 1, MAX_JOBS),
     device: DeviceOption = None,
     profile_time: ProfileTimeOption = False,
     json: JsonOption = False,
@@ -52,6 +62,7 @@ def report(
     from harness.files import data_dir, require_writable
     from harness.mutants import autopsy, matrix
     from harness.report import Inputs, build_report
+    from harness.studies.ahead import make_ahead
     from harness.studies.causes import causes_file, load_causes
     from harness.studies.memo import remembered_study
     from harness.studies.oracle import load_oracle, oracle_file
@@ -62,8 +73,10 @@ def report(
     require_writable(output / "report.pdf")
     store = open_store(True)
     results = []
-    elapsed = {}
     family = judged(loaded)
+    parts = _absent(loaded, PROFILES[profile], family, store, exhibits=not scenes)
+    # The two parts of a single scene gain less than processes cost, and have a bar that moves by batches.
+    elapsed = make_ahead(parts, jobs, progress) if jobs > 1 and len(parts) > 2 and store else {}
     with progress(len(loaded), f"report ({profile})") as advance:
         for scene in loaded:
             scene_began = time.perf_counter()
@@ -72,10 +85,15 @@ def report(
             if fresh:
                 elapsed[scene.name] = time.perf_counter() - scene_began
             advance(1)
-    began_coupled = time.perf_counter()
-    coupled, fresh = _coupled(loaded)
-    if fresh:
-        elapsed["the coupled oracle"] = time.perf_counter() - began_coupled
+    coupled: list[CoupledRecord] = []
+    with progress(len(loaded), "the same paths by Mitsuba") as advance:
+        for scene in loaded:
+            scene_began = time.perf_counter()
+            found, fresh = _coupled(scene)
+            coupled += found
+            if fresh:
+                elapsed[f"{scene.name} {COUPLED}"] = time.perf_counter() - scene_began
+            advance(1)
     exhibits: Sequence[Exhibit] = ()
     if not scenes:
         from harness.course.memo import remembered_exhibits
@@ -83,7 +101,10 @@ def report(
         began_exhibits = time.perf_counter()
         exhibits, fresh = remembered_exhibits(store, warn=_warn, progress=progress)
         if fresh:
-            elapsed["the handout's errors"] = time.perf_counter() - began_exhibits
+            elapsed[EXHIBITS] = time.perf_counter() - began_exhibits
+    oracle = [elapsed.pop(name) for name in list(elapsed) if name.endswith(COUPLED)]
+    order = [scene.name for scene in loaded] + [EXHIBITS]
+    elapsed = {name: elapsed[name] for name in order if name in elapsed} | ({ORACLE: sum(oracle)} if oracle else {})
     inputs = Inputs(results, profile, elapsed=elapsed, exhibits=exhibits, coupled=coupled,
                     bench=_left(output / BENCH_FILE, bench.load, None),
                     calibration=_left(output / CALIBRATION_FILE, calibration.load, None),
@@ -108,6 +129,28 @@ def report(
     return 1 if lost else 0
 
 
+def _absent(scenes: Sequence[Scene], profile: Profile, family: int, store: Store | None, *,
+            exhibits: bool) -> list[Part]:
+    """What the report needs and the cache lacks, in the order of the report."""
+    from harness.course.memo import exhibits_folder, remembered_exhibits
+    from harness.studies.ahead import Part
+    from harness.studies.coupled import coupled_folder
+    from harness.studies.memo import remembered_study, study_folder
+    from harness.studies.plan import exhibited
+
+    def drawn(scene: Scene) -> float:
+        return float(scene.width * scene.height * (len(exhibited(scene)) + 1) * scene.max_depth)
+
+    parts = [Part(scene.name, drawn(scene), partial(remembered_study, scene, profile, family, store, warn=_warn))
+             for scene in scenes if not study_folder(scene, profile, family).exists()]
+    parts += [Part(f"{scene.name} {COUPLED}", drawn(scene) / 10, partial(_coupled, scene))
+              for scene in scenes if not coupled_folder(scene).exists()]
+    if exhibits and not exhibits_folder().exists():
+        parts.append(Part(EXHIBITS, max((part.work for part in parts), default=1.0),
+                          partial(remembered_exhibits, store, warn=_warn)))
+    return parts
+
+
 def _open_all(paths: Sequence[Path]) -> list[Scene]:
     """Every scene of the report: what is wrong with the last one must show before the first one is rendered."""
     from harness.metrics import require_ssim_size
@@ -125,23 +168,15 @@ def _open_all(paths: Sequence[Path]) -> list[Scene]:
     return loaded
 
 
-def _coupled(scenes: Sequence[Scene]) -> tuple[list[CoupledRecord], bool]:
-    """Every scene against the coupled oracle, and whether any was measured now; without those that it cannot follow."""
+def _coupled(scene: Scene) -> tuple[tuple[CoupledRecord, ...], bool]:
+    """A scene against the coupled oracle, and whether it was measured now; nothing where that cannot follow it."""
     from harness.studies.coupled import remembered_coupled
 
-    records: list[CoupledRecord] = []
-    measured = False
-    with progress(len(scenes), "the same paths by Mitsuba") as advance:
-        for scene in scenes:
-            try:
-                found, fresh = remembered_coupled(scene, warn=_warn)
-            except SceneError as error:
-                log(f"warning: {error}; the report does not compare its paths")
-            else:
-                records += found
-                measured |= fresh
-            advance(1)
-    return records, measured
+    try:
+        return remembered_coupled(scene, warn=_warn)
+    except SceneError as error:
+        log(f"warning: {error}; the report does not compare its paths")
+        return (), False
 
 
 def _left(path: Path, load: Callable[[Path], Found], nothing: Found) -> Found:

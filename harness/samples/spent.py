@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 # What renderers are called here; all else is around them.
@@ -42,8 +43,16 @@ class Spending:
     def table(self) -> list[tuple[str, float]]:
         """What the time went to, the most first, and last what no span was about."""
         whole = time.perf_counter() - self.began
-        named = sorted(self.seconds.items(), key=lambda item: -item[1])
-        return [*named, (REST, max(0.0, whole - sum(self.seconds.values())))]
+        named = sorted(((name, seconds) for name, seconds in self.seconds.items() if name != REST),
+                       key=lambda item: -item[1])
+        return [*named, (REST, max(0.0, whole - sum(seconds for _, seconds in named)))]
+
+    def join(self, tables: Iterable[Iterable[tuple[str, float]]], waited: float) -> None:
+        """Count what other processes spent, in place of the seconds that were `waited` for them."""
+        for name, seconds in chain.from_iterable(tables):
+            self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+            self.began -= seconds
+        self.began += waited
 
     def outside(self) -> float:
         """The share of the elapsed time in which no renderer was at work."""
@@ -61,10 +70,10 @@ class Spending:
 _spending: Spending | None = None
 
 
-def watch() -> Spending:
-    """Begin to count on this thread, from when the process began."""
+def watch(*, since_start: bool = True) -> Spending:
+    """Begin to count on this thread, from when the process began, or from now."""
     global _spending
-    before = _age()
+    before = _age() if since_start else 0.0
     _spending = Spending(time.perf_counter() - before, {START: before} if before else {})
     return _spending
 
@@ -73,6 +82,12 @@ def unwatch() -> None:
     """End it: spans are free again."""
     global _spending
     _spending = None
+
+
+def join(tables: Iterable[Iterable[tuple[str, float]]], waited: float) -> None:
+    """See `Spending.join`; nothing where nobody watches."""
+    if _spending is not None:
+        _spending.join(tables, waited)
 
 
 @contextmanager

@@ -61,13 +61,19 @@ def remembered_coupled(scene: Scene, *, warn: Warn) -> tuple[tuple[CoupledRecord
     """The records of a scene, one a strategy of `strategies_of`, and whether they were measured now.
 
     `warn` is told of damaged ones, measured again. HarnessError where the scene is outside the oracle's reach."""
-    strategies, drawn = strategies_of(scene), drawn_of(scene)
-    key = {"scene": scene.content_hash, "name": scene.name, "strategies": strategies,
-           "drawn": dataclasses.asdict(drawn), "code": code_digest(__name__), "glsl": glsl_digest(), **versions()}
     return remembered(
-        cache_dir() / "coupled" / digest(key, 24), RECORDS_FILE, load=load_coupled, save=save_coupled, warn=warn,
-        make=lambda: tuple(measure_coupled(file_of(scene), strategy, drawn) for strategy in strategies),
+        coupled_folder(scene), RECORDS_FILE, load=load_coupled, save=save_coupled, warn=warn,
+        make=lambda: tuple(measure_coupled(file_of(scene), strategy, drawn_of(scene))
+                           for strategy in strategies_of(scene)),
         loss="the coupled images are drawn again")
+
+
+def coupled_folder(scene: Scene) -> Path:
+    """Where the cache keeps those records, be they there or not."""
+    key = {"scene": scene.content_hash, "name": scene.name, "strategies": strategies_of(scene),
+           "drawn": dataclasses.asdict(drawn_of(scene)), "code": code_digest(__name__), "glsl": glsl_digest(),
+           **versions()}
+    return cache_dir() / "coupled" / digest(key, 24)
 
 
 def strategies_of(scene: Scene) -> tuple[str, ...]:

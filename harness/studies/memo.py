@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from harness.files import cache_dir, data_dir
 from harness.progress import Progress, quiet
 from harness.results import StudyResult
@@ -22,19 +24,23 @@ def remembered_study(scene: Scene, profile: Profile, family: int, store: Store |
     It is read back where scene, settings and code are the same as when it was made, and as many verdicts (`family`)
     share the rate of false alarms. `warn` is told of a damaged one, which is made again. Raises what `study` raises.
     """
-    lines, shown = exhibited(scene), present(scene.file)
-
     def make() -> StudyResult:
-        return study(scene, lines, spp=profile.spp, replicas=profile.replicas,
+        return study(scene, exhibited(scene), spp=profile.spp, replicas=profile.replicas,
                      reference_spp=profile.reference_spp, family=family, store=store, progress=progress)
 
+    return remembered(study_folder(scene, profile, family), STUDY_FILE, load=load_study, make=make,
+                      save=save_study, warn=warn, loss="the study is made again")
+
+
+def study_folder(scene: Scene, profile: Profile, family: int) -> Path:
+    """Where the cache keeps that study, be it there or not."""
+    lines, shown = exhibited(scene), present(scene.file)
     key = {"scene": scene.content_hash, "name": scene.name, "exposure": shown.exposure, "notes": shown.notes,
            "strategies": [line.name for line in lines],
            "description": describe(scene.path) if scene.path else "", "spp": profile.spp, "replicas": profile.replicas,
            "reference_spp": profile.reference_spp, "family": family, "code": code_digest(__name__),
            "glsl": glsl_digest(), **versions()}
-    return remembered(cache_dir() / "studies" / digest(key, 24), STUDY_FILE, load=load_study, make=make,
-                      save=save_study, warn=warn, loss="the study is made again")
+    return cache_dir() / "studies" / digest(key, 24)
 
 
 def glsl_digest() -> str:

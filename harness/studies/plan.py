@@ -27,6 +27,9 @@ MAX_REFERENCE_FACTOR = 8
 # The half-width of the error's interval that a study aims at, as a part of the tolerance: an unbiased strategy whose
 # standard error is a fifth of the tolerance leaves its interval inside with probability 0.997 a channel.
 PRECISION = 0.4
+# How often a study may add replicas, and by what part those that it has may be too few for that: the first of a
+# heavy-tailed estimator see too small a variance, and others need a second look.
+STAGES, ENOUGH = 3, 1.3
 STUDENT = 2.0  # two-sided 95 % quantile of Student's t at about 60 degrees of freedom
 
 
@@ -40,7 +43,7 @@ class Profile:
 
 
 PROFILES = {
-    "quick": Profile(spp=128, replicas=8, reference_spp=1024),
+    "quick": Profile(spp=64, replicas=8, reference_spp=512),
     "full": Profile(spp=8192, replicas=12, reference_spp=65536),
 }
 
@@ -94,8 +97,9 @@ def replicas_needed(pilot: Estimate, reference: Estimate, replicas: int, toleran
     """How many replicas like the `replicas` of the pilot make an equivalence verdict decide, if there is no bias.
 
     Stein's (1945) two-stage sample size: chosen from the pilot's variance alone, never from its error, so that the
-    verdict on all replicas together keeps its level. No fewer than `replicas`; without bound where the reference
-    itself is too noisy.
+    verdict on all replicas together keeps its level; also where it is asked again of all that was drawn since (Chow
+    and Robbins 1965), for the mean of normal replicas does not depend on their variance. No fewer than `replicas`;
+    without bound where the reference itself is too noisy.
     """
     target = (tolerance * PRECISION / STUDENT) ** 2
     scale = error_scale(reference.image_mean)

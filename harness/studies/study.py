@@ -29,10 +29,12 @@ from harness.stats.findings import judge_tiles
 from harness.stats.tiles import TileAccumulator, TileSamples, tile_size
 from harness.stats.verdicts import Tolerance
 from harness.studies.plan import (
+    ENOUGH,
     MAX_REFERENCE_FACTOR,
     MAX_REPLICA_FACTOR,
     PRECISION,
     REFERENCE_FACTOR,
+    STAGES,
     STUDENT,
     Plan,
     prefix_sizes,
@@ -45,6 +47,9 @@ from harness.work.provenance import versions
 from harness.work.run import Run, reference_run, tiles_of
 from harness.work.tasks import draw, tasks_of
 
+# Mitsuba's best sampler: at equal cost its replicas have a third to a sixth of the independent one's variance, and they
+# stay independent of each other, which is all that variances and verdicts rest on.
+REFERENCE_SAMPLER = "multijitter"
 # A strategy whose standard deviation per sample is below this part of the image's mean is exact: what is left is
 # rounding, and in a closed scene the one bounce in 10^7 that slips out at an edge.
 EXACT = 1e-3
@@ -60,14 +65,14 @@ def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None
     `strategies`: of the tracer by name, or any other estimators; all of the tracer's that suit the scene where None.
     `samplers`: of the tracer by name; each strategy that is named is studied with each of them.
     `spp`: samples per pixel of each replica; where `replicas` are too few to decide, more are added, up to
-    `max_replicas` (16 x replicas by default). `reference`: a ready one (closed form, file); otherwise Mitsuba renders
-    `reference_spp` samples, 4 x spp by default, and up to 8 times as many where its own noise would keep the verdicts
-    from deciding. `tolerance`: of the mean, tiles having theirs in proportion; those of `tolerance_for` where None.
-    `family`: how many strategies share the rate of false alarms, those of this
-    study where None. A study that was interrupted continues from the store. `executor`: where batches are drawn, here
-    where None; it needs a `store`, through which they come back. Raises HarnessError for an unknown
-    strategy, counts below their minimum, an image too small for SSIM, and a reference of another size or with pixels
-    that are not finite.
+    `max_replicas` (16 x replicas by default), without curves. `reference`: a ready one (closed form, file); otherwise
+    Mitsuba renders `reference_spp` samples, 4 x spp by default, and up to 8 times as many where its own noise would
+    keep the verdicts from deciding; in replicas whose samples its best sampler spreads evenly. `tolerance`: of the
+    mean, tiles having theirs in proportion; those of `tolerance_for` where None. `family`: how many strategies share
+    the rate of false alarms, those of this study where None. A study that was interrupted continues from the store.
+    `executor`: where batches are drawn, here where None; it needs a `store`, through which they come back. Raises
+    HarnessError for an unknown strategy, counts below their minimum, an image too small for SSIM, and a reference of
+    another size or with pixels that are not finite.
     """
     if spp < 1:
         raise HarnessError(f"samples per pixel must be at least 1, found {spp}")
@@ -102,7 +107,7 @@ def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None
         scene=file.name, description=describe(file.path), scene_hash=_hash(file, reading), exposure=film.exposure,
         reference=reference, reference_kind=kind, strategies=tuple(results),
         notes=(*(present(file).notes if reading else ()), *filter(None, [reason])),
-        provenance=_provenance(file, film, reading, plan, reference))
+        provenance=_provenance(file, film, reading, plan, reference, kind))
 
 
 def _estimators(file: SceneFile, named: Sequence[str | Estimator] | None,
@@ -144,8 +149,8 @@ def _precise_reference(file: SceneFile, spp: int, tolerance: float, store: Store
 
     As with replicas (Stein 1945), how many is decided from the variance of the first `spp` alone.
     """
-    with Mitsuba().open(file) as renderer:
-        run = reference_run(renderer, spp, store)
+    with Mitsuba(sampler=REFERENCE_SAMPLER).open(file) as renderer:
+        run = reference_run(renderer, spp, store, square=True)
         _grow(run, spp, f"{file.name} reference", progress)
         pilot = run.estimate()
         excess = 2 * pilot.image_variance / error_scale(pilot.image_mean) ** 2 / (tolerance * PRECISION / STUDENT) ** 2
@@ -176,22 +181,25 @@ class _Replicas:
     def __init__(self, strategy: Suited, scene: Film, renderer: Renderer, reference: _Reference, spp: int) -> None:
         self.strategy, self.scene, self.renderer, self.reference, self.spp = strategy, scene, renderer, reference, spp
         self.prefixes = prefix_sizes(spp)
-        self.curves: list[list[dict[str, float]]] = []  # per replica, per prefix: metrics by name
+        self.replicas = 0
+        self.curves: list[list[dict[str, float]]] = []  # per replica that has one, per prefix: metrics by name
         self.total = Accumulator()
         self.tiles = TileAccumulator(tile_size(scene.height, scene.width))
         self.costs: list[tuple[int, Cost]] = []  # samples per pixel of each batch, and what they took
 
-    def add_replica(self, store: Store | None, advance: Advance) -> None:
+    def add_replica(self, store: Store | None, advance: Advance, *, curve: bool) -> None:
+        """Draw one more; with its curve, whose metrics cost as much as some samples, or for the verdict alone."""
         prefix = Accumulator()
-        curve: list[dict[str, float]] = []
+        points: list[dict[str, float]] = []
 
         def measured() -> Iterator[Batch]:  # batches pass through, so that no run is ever held whole
-            for batch in batches(self.renderer, self.spp, replica=len(self.curves), store=store, advance=advance):
-                prefix.add(batch)
+            for batch in batches(self.renderer, self.spp, replica=self.replicas, store=store, advance=advance):
                 self.costs.append((batch.samples, batch.cost))
-                if prefix.samples in self.prefixes:
-                    curve.append(metrics.measure(prefix.mean, self.reference.estimate, self.scene.exposure,
-                                                 at_prefixes=True))
+                if curve:
+                    prefix.add(batch)
+                if curve and prefix.samples in self.prefixes:
+                    points.append(metrics.measure(prefix.mean, self.reference.estimate, self.scene.exposure,
+                                                  at_prefixes=True))
                 yield batch
 
         # For tiles as well: of uneven sizes, yet more of them and so sharper than if all were made as long as the last.
@@ -200,7 +208,9 @@ class _Replicas:
             with spent("statistics"):
                 self.total.add(batch)
                 self.tiles.add(with_luminance(batch.mean), batch.samples)
-        self.curves.append(curve)
+        self.replicas += 1
+        if curve:
+            self.curves.append(points)
 
     @spent("statistics")
     def result(self, plan: Plan, file: SceneFile, expected: tuple[float, ...] = (-0.5,)) -> StrategyResult:
@@ -235,15 +245,16 @@ class _Drawing:
     executor: Executor | None
     progress: Progress
 
-    def grow(self, run: _Replicas, estimator: Estimator, file: SceneFile, replicas: int, description: str) -> None:
-        """Add so many replicas to the run."""
-        more = range(len(run.curves), len(run.curves) + replicas)
+    def grow(self, run: _Replicas, estimator: Estimator, file: SceneFile, replicas: int, description: str, *,
+             curves: bool) -> None:
+        """Add so many replicas to the run, with their curves or without."""
+        more = range(run.replicas, run.replicas + replicas)
         with self.progress(run.spp * max(replicas, 1), description) as advance:
             if self.executor and self.store:
                 draw(tasks_of(estimator, file, more, run.spp), self.executor, self.store, advance)
                 advance = _ignore  # what follows reads back
             for _ in more:
-                run.add_replica(self.store, advance)
+                run.add_replica(self.store, advance, curve=curves)
 
 
 def _ignore(samples: float) -> None:
@@ -256,10 +267,13 @@ def _study_estimator(file: SceneFile, film: Film, estimator: Estimator, referenc
     strategy = Suited(estimator.name, not warning, warning)
     with estimator.open(file) as renderer:
         run = _Replicas(strategy, film, renderer, reference, plan.spp)
-        drawing.grow(run, estimator, file, plan.replicas, f"{file.name} {estimator.name}")
-        more = replicas_needed(run.total.estimate(), reference.estimate, plan.replicas, plan.tolerance.mean)
-        more = min(more - plan.replicas, plan.max_replicas - plan.replicas) if strategy.suits else 0
-        drawing.grow(run, estimator, file, more, f"{file.name} {estimator.name}, more to decide")
+        drawing.grow(run, estimator, file, plan.replicas, f"{file.name} {estimator.name}", curves=True)
+        for _ in range(STAGES if strategy.suits else 0):
+            needed = replicas_needed(run.total.estimate(), reference.estimate, run.replicas, plan.tolerance.mean)
+            if needed <= ENOUGH * run.replicas or run.replicas >= plan.max_replicas:
+                break
+            drawing.grow(run, estimator, file, min(needed, plan.max_replicas) - run.replicas,
+                         f"{file.name} {estimator.name}, more to decide", curves=False)
         sampler = sampler_named(estimator.sampler if isinstance(estimator, Tracer) else DEFAULT)
         return run.result(plan, file, tuple(dict.fromkeys(sampler.slopes)))
 
@@ -269,7 +283,8 @@ def _is_exact(estimate: Estimate) -> bool:
     return deviation <= EXACT * float(np.mean(estimate.mean))
 
 
-def _provenance(file: SceneFile, film: Film, reading: Scene | None, plan: Plan, reference: Estimate) -> dict[str, str]:
+def _provenance(file: SceneFile, film: Film, reading: Scene | None, plan: Plan, reference: Estimate,
+                kind: str) -> dict[str, str]:
     return {
         **versions(),
         "scene hash": _hash(file, reading),
@@ -278,4 +293,5 @@ def _provenance(file: SceneFile, film: Film, reading: Scene | None, plan: Plan, 
         "samples per pixel of each replica": str(plan.spp),
         "replicas (seeds 0, 1, …)": f"{plan.replicas}, up to {plan.max_replicas} where the verdict needs them",
         "reference samples per pixel": str(reference.samples or "exact"),
+        **({"reference sampler (Mitsuba)": REFERENCE_SAMPLER} if kind == "Mitsuba" else {}),
     }

@@ -117,10 +117,11 @@ def tiles_of(estimate: Estimate, tile: int) -> TileSamples:
                        *image.shape[:2])
 
 
-def reference_run(renderer: Renderer, spp: int, store: Store | None = None) -> Run:
+def reference_run(renderer: Renderer, spp: int, store: Store | None = None, *, square: bool = False) -> Run:
     """A reference to be drawn in replicas: so long that `REFERENCE_BATCHES` of them make `spp`.
 
-    Lengths are powers of two up to the longest batch, so that references of unequal length can share what is stored.
+    Lengths are powers of two up to the longest batch, so that references of unequal length can share what is stored;
+    where they are to be `square`, as samplers want them that spread samples over a square, powers of four.
     """
-    length = 2 ** max(0, (spp // REFERENCE_BATCHES).bit_length() - 1)
-    return Run(renderer, min(length, LONGEST_BATCH), store)
+    power = min(max(1, spp // REFERENCE_BATCHES), LONGEST_BATCH).bit_length() - 1
+    return Run(renderer, 2 ** (power - power % 2 if square else power), store)

@@ -90,7 +90,7 @@ class TestInterruption:
         pytest.param(("render", SPHERES, *SMALL, *FOREVER, "-o", "x.exr"), "0-64-64.exr", id="render"),
         pytest.param(("reference", SPHERES, "--size", "256x192", *FOREVER, "-o", "x.exr"), "0-32-32.exr",
                      id="inside Mitsuba"),
-        pytest.param(("report", SPHERES, "--profile", "full", "-o", "."), "0-0-128.exr", id="report"),
+        pytest.param(("report", SPHERES, "--profile", "full", "-o", "."), "0-0-64.exr", id="report"),
     ])
     def test_leaves_nothing_but_whole_batches(
         self, here: Path, tmp_path: Path, arguments: Sequence[object], until: str,
@@ -104,7 +104,7 @@ class TestInterruption:
         assert not list((tmp_path / "cache").rglob(f"{PARTIAL_PREFIX}*"))
         batches = stored(tmp_path / "cache")
         if "report" in arguments:  # begins with the reference, whose batches are of one size
-            assert batches == [(replica, 0, 128) for replica in range(len(batches))]
+            assert batches == [(replica, 0, 64) for replica in range(len(batches))]
         else:
             kept = 0 if "reference" in arguments else LEAD_IN  # Mitsuba's would not be the same again
             assert batches == [(0, start, count) for start, count in schedule(batches[-1][1] + batches[-1][2])

@@ -84,3 +84,20 @@ def test_a_command_tells_it_at_its_end(tmp_path: Path, capsys: pytest.CaptureFix
     assert told[-2].split()[-3:] == ["s", "100.0%", "elapsed"]
     assert told[-1].endswith("% outside the renderers")
     assert module._spending is None
+
+
+def test_what_other_processes_spent_takes_the_place_of_the_wait_for_them(clock: list[float]) -> None:
+    """Two of them, 30 seconds each, for 31 seconds."""
+    spending = Spending(began=clock[0])
+    with spending.span("tracer"):
+        clock[0] += 5
+    clock[0] += 31 + 2
+    spending.join([[("tracer", 20.0), (REST, 10.0)], [("Mitsuba", 29.0), (REST, 1.0)]], waited=31)
+    assert spending.table() == [("Mitsuba", 29.0), ("tracer", 25.0), (REST, 13.0)]
+    assert spending.outside() == pytest.approx(13 / 67)
+
+
+def test_a_watch_of_a_part_begins_with_it(clock: list[float]) -> None:
+    spending = module.watch(since_start=False)
+    clock[0] += 2
+    assert spending.table() == [(REST, 2.0)]

@@ -113,9 +113,26 @@ def test_no_run_is_ever_held_whole() -> None:
     estimate = Estimate.exact(np.full((12, 16, 3), 0.5))
     run = _Replicas(Suited("mixture", suits=True), Film(16, 12), Watched(size=(12, 16)),
                     _Reference(estimate, tiles_of(estimate, 2)), 4096)
-    run.add_replica(None, lambda n: None)
+    run.add_replica(None, lambda n: None, curve=True)
     assert run.total.samples == 4096
     assert most <= 10, f"{most} of {len(schedule(4096))} batches at once"
+
+
+def test_replicas_are_added_as_often_as_their_own_variance_asks_for_them_and_without_curves(
+        scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pilot that saw too small a variance, then one that saw it right, then few that are missing."""
+    asked: list[int] = []
+
+    def needed(estimate: Estimate, reference: Estimate, replicas: int, tolerance: float) -> int:
+        asked.append(replicas)
+        return {4: 8, 8: 12, 12: 13}[replicas]
+
+    monkeypatch.setattr("harness.studies.study.replicas_needed", needed)
+    result, = study(scene, ["uniform"], spp=8, replicas=4,
+                    reference=Estimate.exact(np.full((36, 48, 3), 0.5))).strategies
+    assert asked == [4, 8, 12]
+    assert result.estimate.samples == 12 * 8
+    assert result.curves["rmse"].shape == (4, 4)
 
 
 @pytest.mark.parametrize(("options", "message"), [

@@ -160,6 +160,11 @@ def test_a_reference_is_drawn_in_enough_batches(spp: int, length: int) -> None:
     assert reference_run(NoiseRenderer(), spp).spp == length
 
 
+@pytest.mark.parametrize(("spp", "length"), [(1, 1), (127, 1), (128, 4), (512, 16), (1024, 16), (2**20, 64)])
+def test_or_in_square_ones(spp: int, length: int) -> None:
+    assert reference_run(NoiseRenderer(), spp, square=True).spp == length
+
+
 def test_tiles_of_an_unknown_variance_know_none() -> None:
     known = render_estimate(NoiseRenderer(size=(16, 24)), 64)
     assert np.isfinite(tiles_of(known, 4).moments().variance).all()

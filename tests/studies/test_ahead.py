@@ -1,0 +1,43 @@
+"""Parts of a report that are made several at a time."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from harness.errors import SceneError
+from harness.samples import spent
+from harness.studies.ahead import Part, make_ahead
+
+
+def write(path: Path, text: str) -> None:
+    with spent.spent("writing"):
+        path.write_text(text, encoding="utf-8")
+
+
+def refuse() -> None:
+    raise SceneError("odd.xml:7: no such shape")
+
+
+def test_every_part_is_made_and_its_time_told_the_longest_first(tmp_path: Path) -> None:
+    parts = [Part(name, work, partial(write, tmp_path / name, name)) for name, work in (("short", 1.0), ("long", 9.0))]
+    spending = spent.watch()
+    try:
+        elapsed = make_ahead(parts, jobs=2)
+    finally:
+        spent.unwatch()
+    assert list(elapsed) == ["long", "short"]
+    assert all(seconds > 0 for seconds in elapsed.values())
+    assert {path.read_text(encoding="utf-8") for path in tmp_path.iterdir()} == {"long", "short"}
+    assert "writing" in dict(spending.table())
+
+
+def test_what_a_part_raises_is_raised_here() -> None:
+    with pytest.raises(SceneError, match=r"odd\.xml:7: no such shape"):
+        make_ahead([Part("odd", 1.0, refuse)], jobs=2)
+
+
+def test_nothing_to_make_starts_no_process() -> None:
+    assert make_ahead([], jobs=2) == {}
