@@ -73,7 +73,7 @@ def report(
     require_writable(output / "report.pdf")
     store = open_store(True)
     results = []
-    family = judged(loaded)
+    family = judged(loaded, PROFILES[profile])
     parts = _absent(loaded, PROFILES[profile], family, store, exhibits=not scenes)
     # The two parts of a single scene gain less than processes cost, and have a bar that moves by batches.
     elapsed = make_ahead(parts, jobs, progress) if jobs > 1 and len(parts) > 2 and store else {}
@@ -139,7 +139,7 @@ def _absent(scenes: Sequence[Scene], profile: Profile, family: int, store: Store
     from harness.studies.plan import exhibited
 
     def drawn(scene: Scene) -> float:
-        return float(scene.width * scene.height * (len(exhibited(scene)) + 1) * scene.max_depth)
+        return float(scene.width * scene.height * (len(exhibited(scene, profile)) + 1) * scene.max_depth)
 
     parts = [Part(scene.name, drawn(scene), partial(remembered_study, scene, profile, family, store, warn=_warn))
              for scene in scenes if not study_folder(scene, profile, family).exists()]

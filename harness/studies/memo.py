@@ -25,7 +25,7 @@ def remembered_study(scene: Scene, profile: Profile, family: int, store: Store |
     share the rate of false alarms. `warn` is told of a damaged one, which is made again. Raises what `study` raises.
     """
     def make() -> StudyResult:
-        return study(scene, exhibited(scene), spp=profile.spp, replicas=profile.replicas,
+        return study(scene, exhibited(scene, profile), spp=profile.spp, replicas=profile.replicas,
                      reference_spp=profile.reference_spp, family=family, store=store, progress=progress)
 
     return remembered(study_folder(scene, profile, family), STUDY_FILE, load=load_study, make=make,
@@ -34,7 +34,7 @@ def remembered_study(scene: Scene, profile: Profile, family: int, store: Store |
 
 def study_folder(scene: Scene, profile: Profile, family: int) -> Path:
     """Where the cache keeps that study, be it there or not."""
-    lines, shown = exhibited(scene), present(scene.file)
+    lines, shown = exhibited(scene, profile), present(scene.file)
     key = {"scene": scene.content_hash, "name": scene.name, "exposure": shown.exposure, "notes": shown.notes,
            "strategies": [line.name for line in lines],
            "description": describe(scene.path) if scene.path else "", "spp": profile.spp, "replicas": profile.replicas,

@@ -35,16 +35,18 @@ STUDENT = 2.0  # two-sided 95 % quantile of Student's t at about 60 degrees of f
 
 @dataclass(frozen=True)
 class Profile:
-    """How many samples a report spends on each scene and strategy."""
+    """How many samples a report spends on each scene and strategy; `every_sampler`: on each strategy with each sampler,
+    and not on the best alone by the one that spreads numbers evenly."""
 
     spp: int
     replicas: int
     reference_spp: int
+    every_sampler: bool = False
 
 
 PROFILES = {
     "quick": Profile(spp=64, replicas=8, reference_spp=512),
-    "full": Profile(spp=8192, replicas=12, reference_spp=65536),
+    "full": Profile(spp=8192, replicas=12, reference_spp=65536, every_sampler=True),
 }
 
 
@@ -79,18 +81,19 @@ def exhibited_strategies(scene: Scene) -> tuple[str, ...]:
     return tuple(name for name in STRATEGIES if name in suited or (name in DRAWS and has_lobe))
 
 
-def exhibited(scene: Scene) -> tuple[Tracer, ...]:
-    """What a report shows of a scene: those strategies by the usual sampler, and by evenly spread numbers one of
-    them: `mis`, or else the last that suits. Errors as above."""
+def exhibited(scene: Scene, profile: Profile) -> tuple[Tracer, ...]:
+    """What a report shows of a scene: those strategies by the usual sampler, then by evenly spread numbers all that
+    suit, where the profile has every sampler, or else one of them: `mis`, or the last that suits. Errors as above."""
     names = exhibited_strategies(scene)
     suited = [name for name in names if check_strategy(scene, name).suits]
-    best = next((name for name in suited if name == "mis"), suited[-1] if suited else "")
-    return (*map(Tracer, names), *([Tracer(best, sampler=EVEN)] if best else []))
+    best = ["mis"] if "mis" in suited else suited[-1:]
+    even = [Tracer(name, sampler=EVEN) for name in (suited if profile.every_sampler else best)]
+    return (*map(Tracer, names), *even)
 
 
-def judged(scenes: Sequence[Scene]) -> int:
+def judged(scenes: Sequence[Scene], profile: Profile) -> int:
     """How many verdicts a report on these scenes gives: one for each line that it shows and that suits."""
-    return sum(check_strategy(scene, line.strategy).suits for scene in scenes for line in exhibited(scene))
+    return sum(check_strategy(scene, line.strategy).suits for scene in scenes for line in exhibited(scene, profile))
 
 
 def replicas_needed(pilot: Estimate, reference: Estimate, replicas: int, tolerance: float) -> int:

@@ -22,7 +22,7 @@ from harness.scene import Film, Scene
 from harness.scene.model import Displacement, Procedural
 from harness.shader.strategies import Suited
 from harness.stats.verdicts import Tolerance
-from harness.studies.plan import exhibited_strategies, judged, prefix_sizes, replicas_needed
+from harness.studies.plan import PROFILES, exhibited_strategies, judged, prefix_sizes, replicas_needed
 from harness.studies.study import _Reference, _Replicas
 from harness.work.batches import render_estimate
 from harness.work.run import tiles_of
@@ -257,7 +257,8 @@ class TestTiles:
 
     def test_a_family_is_every_strategy_that_suits(self, scene: Scene) -> None:
         """phong does not suit: of five shown, four are judged, and the best of them once more by even numbers."""
-        assert judged([scene, scene]) == 10
+        assert judged([scene, scene], PROFILES["quick"]) == 10
+        assert judged([scene, scene], PROFILES["full"]) == 16
         result = study(scene, ["cosine", "phong"], spp=4, replicas=2, max_replicas=2,
                        reference=Estimate.exact(self.truth))
         assert {item.tiles.fine.fail_level for item in result.strategies} == {fail_level(1)}
