@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.checks import own_environment, own_phong, own_random, own_sampling
+from harness.checks import own_environment, own_lights, own_phong, own_random, own_sampling
 from harness.checks.finding import Finding
 from harness.checks.shader import Probe, probe_of
 from harness.errors import HarnessError, ShaderError
@@ -26,6 +26,7 @@ TOPICS: Mapping[str, tuple[str, Checks]] = {
     "random numbers": ("random.frag", own_random.findings),
     "frames": ("basis.frag", own_sampling.frames_of),
     "sampling": ("sampling.frag", own_sampling.findings),
+    "light sampling": ("light_sampling.frag", own_lights.findings),
     "the environment map": ("environment_sampling.frag", own_environment.findings),
     "the BRDF and its strategies": ("phong.frag", own_phong.findings),
 }

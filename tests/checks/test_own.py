@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.checks import own, own_environment, own_phong, own_random, own_sampling
+from harness.checks import own, own_environment, own_lights, own_phong, own_random, own_sampling
 from harness.checks.finding import Finding
 from harness.checks.shader import probe_of
 from harness.errors import HarnessError, ShaderError
@@ -115,11 +115,35 @@ def test_an_environment_map_that_is_drawn_wrongly_is_found(line: str, replacemen
     assert says in found[0].sentence, found[0].sentence
 
 
+@pytest.mark.parametrize(("line", "replacement", "check", "function", "says"), [
+    ("float pdf = height > 0.0 ? squared * distance / (area * height) : 0.0;",
+     "float pdf = height > 0.0 ? squared / area : 0.0;", "measure", "sample_rectangle",
+     "steradians where it takes 0.9931; of its 128 parts one has "),
+    ("float pdf = height > 0.0 ? squared * distance / (area * height) : 0.0;",
+     "float pdf = squared * distance / (area * abs(height));", "dark", "sample_rectangle",
+     "from where nothing of a rectangle shines, 100.00% of the directions have a density above zero"),
+    ("return INV_TWO_PI / ball_cap(o, center, squared_radius);",
+     "return 0.5 * INV_TWO_PI / ball_cap(o, center, squared_radius);", "agreement", "pdf_ball",
+     "of rays that met a ball the density is within 0.5 of that with which they were drawn"),
+    ("bool on_y = !on_x && at < seen.x + seen.y;", "bool on_y = !on_x && at < seen.y;", "measure", "sample_cube", ""),
+    ("float phi = (2.0 * u.x - 1.0) * arc;", "float phi = u.x * arc;", "measure", "sample_cylinder", "is never drawn"),
+    ("return LightSample(way / distance, pdf, NEARLY * distance);", "return LightSample(way, pdf, NEARLY * distance);",
+     "length", "sample_rectangle", "directions to a rectangle are off unit length by "),
+])
+def test_a_light_that_is_drawn_wrongly_is_found(line: str, replacement: str, check: str, function: str,
+                                                says: str) -> None:
+    found = failed(own_lights.findings(probe_of(OURS.with_line("lib/lights.glsl", line, replacement))))
+    assert (found[0].check, found[0].function) == (check, function)
+    assert says in found[0].sentence, found[0].sentence
+
+
 @pytest.mark.parametrize(("variant", "topic"), [
+    ("ball-in-a-wider-cone", "light sampling"), ("cube-with-hidden-faces", "light sampling"),
+    ("rectangle-from-another-corner", "light sampling"), ("", "light sampling"),
     ("kronecker", "random numbers"), ("shared-sequence", "random numbers"), ("other-hash", "random numbers"),
     ("cross-product-basis", "frames"), ("", "frames"), ("", "the environment map")])
 def test_what_is_right_is_left_in_peace(variant: str, topic: str) -> None:
-    """Generators whose samples follow a sequence, another hash, another basis, ours."""
+    """Generators whose samples follow a sequence, another hash, another basis, lights drawn otherwise, ours."""
     found = own.checked(VARIANTS[variant].applied() if variant else OURS, [topic])
     assert not found.failed and not found.unchecked and found.findings
 
@@ -171,8 +195,8 @@ class TestFolder:
     def test_a_folder_with_nothing_to_check_is_refused(self, tmp_path: Path) -> None:
         self.write(tmp_path, "camera.glsl", "// mine\n")
         with pytest.raises(HarnessError, match=r"holds none of the files whose functions are checked: "
-                                               r"lib/environment\.glsl, lib/phong\.glsl, lib/random\.glsl, "
-                                               r"lib/sampling\.glsl, lib/trigonometry\.glsl, lib/uv\.glsl"):
+                                               r"lib/environment\.glsl, lib/lights\.glsl, lib/phong\.glsl, "
+                                               r"lib/random\.glsl, lib/sampling\.glsl, lib/trigonometry\.glsl, lib/uv\.glsl"):
             own.check_library(tmp_path)
         with pytest.raises(HarnessError, match="is not a folder"):
             own.check_library(tmp_path / "lib" / "camera.glsl")
