@@ -196,7 +196,8 @@ class TestFolder:
         self.write(tmp_path, "camera.glsl", "// mine\n")
         with pytest.raises(HarnessError, match=r"holds none of the files whose functions are checked: "
                                                r"lib/environment\.glsl, lib/lights\.glsl, lib/phong\.glsl, "
-                                               r"lib/random\.glsl, lib/sampling\.glsl, lib/trigonometry\.glsl, lib/uv\.glsl"):
+                                               r"lib/random\.glsl, lib/sampling\.glsl, lib/trigonometry\.glsl, "
+                                               r"lib/uv\.glsl"):
             own.check_library(tmp_path)
         with pytest.raises(HarnessError, match="is not a folder"):
             own.check_library(tmp_path / "lib" / "camera.glsl")
