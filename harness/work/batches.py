@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.estimators.base import Renderer
+from harness.estimators.base import Renderer, scene_name
 from harness.progress import Advance
 from harness.samples.cost import total as total_cost
 from harness.samples.estimate import Accumulator, Batch, Estimate
@@ -27,13 +27,22 @@ def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store 
     if samples < 1:
         raise HarnessError(f"samples per pixel must be at least 1, found {samples}")
     identity = dict(renderer.identity)
+    told = 0.0
+
+    def tell(n: float) -> None:
+        nonlocal told
+        told += n
+        advance(n)
+
     for start, count in schedule(samples):
         def render(start: int = start, count: int = count) -> Batch:
-            return renderer.render_batch(replica, start, count)
+            return renderer.render_batch(replica, start, count, tell)
 
         keep = is_kept(start, count, samples) or not renderer.traits.repeats
-        yield store.get_or_render(identity, replica, start, count, render, keep=keep) if store else render()
-        advance(count)
+        yield store.get_or_render(identity, replica, start, count, render, keep=keep,
+                                  scene=scene_name(renderer)) if store else render()
+        if start + count > told:  # it was read, or drawn by a renderer that tells nothing
+            tell(start + count - told)
 
 
 def equal_batches(run: Iterable[Batch], samples: int, *, independent: bool = True) -> Iterator[Batch]:
