@@ -157,8 +157,8 @@ class TestSlurm:
         assert list((tmp_path / "jobs").iterdir()) == [], "what jobs leave behind goes with the last of them"
         with executor("serial") as here:
             draw(tasks, here, Store(tmp_path / "here"))
-        found = [[(path.name, read.mean.tobytes()) for _, _, path in sorted(store.files(), key=lambda file: file[2].name)
-                  if (read := store.read(path))] for store in (Store(tmp_path / "here"), Store(tmp_path / "there"))]
+        found = [sorted((path.name, read.mean.tobytes()) for _, _, path in store.files() if (read := store.read(path)))
+                 for store in (Store(tmp_path / "here"), Store(tmp_path / "there"))]
         assert found[0] == found[1] and len(found[0]) == len(tasks)
 
     def test_work_is_shared_out_evenly(self, monkeypatch: pytest.MonkeyPatch) -> None:

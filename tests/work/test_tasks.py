@@ -116,7 +116,8 @@ class TestWorkers:
     def test_one_that_does_not_see_the_store_is_said(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         """Its disk is another, though its path is the same."""
         monkeypatch.setattr(Store, "sees", lambda self, mark: (tmp_path / "elsewhere" / mark).exists())
-        with executor("serial") as workers, pytest.raises(HarnessError, match="does not see this folder.*HARNESS_CACHE"):
+        said = r"does not see this folder.*set HARNESS_CACHE"
+        with executor("serial") as workers, pytest.raises(HarnessError, match=said):
             draw(self.TASKS, workers, Store(tmp_path / "store"))
 
     def test_one_that_draws_other_samples_is_said(self, tmp_path: Path) -> None:
