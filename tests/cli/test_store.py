@@ -54,7 +54,7 @@ def test_prune_removes_what_it_is_told_to(harness: Harness, rendered: Path) -> N
 @pytest.mark.parametrize(("arguments", "said"), [
     (("prune",), "say what is to go: --older 30d"),
     (("list", "--keep", "1GB"), "--older and --keep are for `harness store prune`"),
-    (("prune", "--keep", "5 elephants"), "--keep: expected a number and a unit, such as 500MB or 5GB; found '5 elephants'"),
+    (("prune", "--keep", "5 bits"), "--keep: expected a number and a unit, such as 500MB or 5GB; found '5 bits'"),
     (("prune", "--older", "-3d"), "--older: expected a number and a unit, such as 12h, 30d or 8w; found '-3d'"),
     (("shrink",), "'shrink'"),
 ])

@@ -290,7 +290,8 @@ class TestKills:
 
     def test_two_at_once_give_the_numbers_of_one(self, tmp_path: Path) -> None:
         """Two processes on one store, which both begin with nothing."""
-        program = "import sys; from pathlib import Path; from tests.support.kills import draw; print(draw(Path(sys.argv[1])))"
+        program = ("import sys; from pathlib import Path; from tests.support.kills import draw; "
+                   "print(draw(Path(sys.argv[1])))")
         running = [subprocess.Popen([sys.executable, "-c", program, str(tmp_path / folder)], stdout=subprocess.PIPE,
                                     text=True, cwd=ROOT) for folder in ("shared", "shared", "alone")]
         assert len({process.communicate()[0] for process in running}) == 1
