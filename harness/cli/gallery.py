@@ -132,6 +132,6 @@ class _Teller:
 def _duration(seconds: float) -> str:
     """Two units of time at most, such as '1 h 20 min'."""
     if seconds < 90:
-        return f"{seconds:.0f} s"
+        return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
     minutes = round(seconds / 60)
     return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"

@@ -19,7 +19,7 @@ class TestGallery:
     def test_says_what_is_new_and_what_it_took(self, harness: Harness, sky: Path) -> None:
         first = harness("gallery", sky, *SMALL)
         assert first.status == 0
-        assert re.search(r"sky\.png: 16 x 12, 8 spp, 8 of them new; \d+ s of \w", first.out)
+        assert re.search(r"sky\.png: 16 x 12, 8 spp, 8 of them new; [\d.e-]+ s of \w", first.out)
         assert "0 of them new" in harness("gallery", sky, *SMALL).out
 
     def test_on_slurm_it_is_the_same(self, harness: Harness, sky: Path) -> None:
@@ -35,7 +35,7 @@ class TestGallery:
     def test_an_estimate_says_its_error_and_renders_no_picture(self, harness: Harness, sky: Path) -> None:
         done = harness("gallery", sky, *SMALL, "--spp", 1000, "--jobs", 4, "--estimate")
         assert done.status == 0
-        assert re.search(r"sky: 16 x 12, 1000 spp: \d+ s of .*; 4 such workers take \d+ s\n.* a worker .* a batch .* a "
+        assert re.search(r"sky: 16 x 12, 1000 spp: [\d.]+ s of .*; 4 such workers take [\d.]+ s\n.* a worker .* a batch .* a "
                          r"sample, fitted to 32 samples; of the 32 after them it said .* s, they took .*: [+-]\d",
                          done.out)
         assert not Path("pictures").exists()
