@@ -94,11 +94,11 @@ def _estimate(asked: list[tuple[Scene, int]], store: Store, jobs: int, *, json: 
     from harness.estimators.tracer import Tracer
     from harness.samples.store import schedule
     from harness.scene import file_of
-    from harness.work.forecast import PILOT, forecast
+    from harness.work.forecast import forecast
 
     told = []
     for scene, spp in asked:
-        with Tracer(STRATEGY).open(file_of(scene)) as renderer, progress(PILOT, f"{scene.name} pilot") as advance:
+        with Tracer(STRATEGY).open(file_of(scene)) as renderer, progress(None, f"{scene.name} pilot") as advance:
             found = forecast(renderer, store, advance)
         counts = [count for _, count in schedule(spp)]
         workers = min(jobs, len(counts))
@@ -109,8 +109,8 @@ def _estimate(asked: list[tuple[Scene, int]], store: Store, jobs: int, *, json: 
             print(f"{scene.name}: {scene.width} x {scene.height}, {spp} spp: {_duration(whole)} of {found.device}; "
                   f"{workers} such workers take {_duration(longest)}")
             print(f"  seconds ({found.clock}) = {found.setup:.3g} a worker + {found.per_batch:.3g} a batch + "
-                  f"{found.per_sample:.4g} a sample, fitted to {PILOT // 2} samples; of the {PILOT // 2} after them it "
-                  f"said {found.foretold:.4g} s, they took {found.took:.4g}: {found.error:+.1%}")
+                  f"{found.per_sample:.4g} a sample, fitted to {found.pilot} samples; the first half of them said "
+                  f"{found.foretold:.4g} s of the second, which took {found.took:.4g}: {found.error:+.1%}")
     if json:
         print_json({"estimates": told})
 

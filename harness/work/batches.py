@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -18,7 +18,7 @@ MIN_EQUAL_BATCHES = 8
 
 
 def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
-            advance: Advance = lambda n: None) -> Iterator[Batch]:
+            advance: Advance = lambda n: None) -> Generator[Batch]:
     """The first `samples` samples per pixel of one replica, batch by batch in the store's fixed schedule.
 
     What the store already holds is read, the rest rendered and kept, but for the first samples of a long run (see

@@ -6,7 +6,9 @@ import heapq
 import math
 import time
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -16,16 +18,16 @@ from harness.progress import Advance
 from harness.samples.store import Store
 from harness.work.batches import batches
 
-# Samples per pixel of a pilot: its last batch, half of them, is what the model, fitted to the others, must foretell.
-PILOT = 64
+# A pilot's samples per pixel at the least, its seconds at the least, and its samples at the most, where they take less.
+PILOT, PILOT_SECONDS, LONGEST_PILOT = 64, 10.0, 4096
 
 
 @dataclass(frozen=True)
 class Forecast:
     """A model of what work costs on one device: `setup` seconds a worker, `per_batch` a batch and `per_sample` a sample
-    per pixel, all by the `clock` that counts there.
+    per pixel, all by the `clock` that counts there, fitted to a pilot of `pilot` samples.
 
-    `foretold`, `took`: seconds of the batch that the model was not fitted to.
+    `foretold`, `took`: seconds of the pilot's second half, as its first half alone would have them, and as they were.
     """
 
     device: str
@@ -33,12 +35,13 @@ class Forecast:
     setup: float
     per_batch: float
     per_sample: float
+    pilot: int
     foretold: float
     took: float
 
     @property
     def error(self) -> float:
-        """By how much it was off on what it had not seen, relative to what that took."""
+        """By how much half a pilot was off on what it had not seen, relative to what that took."""
         return self.foretold / self.took - 1
 
     def seconds(self, counts: Sequence[int], workers: int = 1) -> float:
@@ -54,24 +57,32 @@ class Forecast:
 
 
 def forecast(renderer: Renderer, store: Store, advance: Advance = lambda n: None) -> Forecast:
-    """Fitted to the first half of a pilot of `PILOT` samples per pixel, and held against the second.
+    """Fitted to a pilot, which is the beginning of any run: at least `PILOT` samples per pixel and `PILOT_SECONDS`.
 
     The set-up is what this process has spent so far, which is what a worker will, and by how much its first batch was
     dearer than the others (drivers compile then). HarnessError where the clock was not read, or on several devices.
     """
     setup = time.process_time()
-    drawn = list(batches(renderer, PILOT, store=store, advance=advance))
-    devices = {batch.cost.device for batch in drawn}
-    seconds = [batch.cost.seconds for batch in drawn]
-    if len(devices) != 1 or not all(map(math.isfinite, seconds)):
-        raise HarnessError(f"the pilot was drawn on {', '.join(sorted(devices)) or 'no device that is known'}; a cost "
-                           "is told of one, whose clock is read: remove its batches (`harness store prune`), or ask "
-                           "there")
-    counts = [batch.samples for batch in drawn]
-    per_batch, per_sample = _fitted(counts[1:-1], seconds[1:-1])
+    counts, seconds = [], []
+    devices: dict[tuple[str, Literal["cpu", "gpu"]], None] = {}
+    with closing(batches(renderer, LONGEST_PILOT, store=store, advance=advance)) as drawn:
+        for batch in drawn:
+            counts.append(batch.samples)
+            seconds.append(batch.cost.seconds)
+            devices[batch.cost.device, batch.cost.clock] = None
+            if len(devices) > 1 or not math.isfinite(seconds[-1]):
+                known = ", ".join(device for device, _ in devices if device) or "no device that is known"
+                raise HarnessError(f"the pilot was drawn on {known}; a cost is told of one, whose clock is read: "
+                                   "remove its batches (`harness store prune`), or ask there")
+            if sum(counts) >= PILOT and sum(seconds) >= PILOT_SECONDS:
+                break
+    half = next(number for number in range(len(counts)) if 2 * sum(counts[:number]) >= sum(counts))
+    per_batch, per_sample = _fitted(counts[1:half], seconds[1:half])
+    foretold = sum(per_batch + per_sample * count for count in counts[half:])
+    per_batch, per_sample = _fitted(counts[1:], seconds[1:])
     first = max(0.0, seconds[0] - per_batch - per_sample * counts[0])
-    return Forecast(devices.pop(), drawn[0].cost.clock, setup + first, per_batch, per_sample,
-                    per_batch + per_sample * counts[-1], seconds[-1])
+    ((device, clock),) = devices
+    return Forecast(device, clock, setup + first, per_batch, per_sample, sum(counts), foretold, sum(seconds[half:]))
 
 
 def _fitted(counts: Sequence[int], seconds: Sequence[float]) -> tuple[float, float]:

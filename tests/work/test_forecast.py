@@ -12,7 +12,7 @@ from harness.errors import HarnessError
 from harness.samples.cost import Cost
 from harness.samples.estimate import Batch
 from harness.samples.store import Store, schedule
-from harness.work.forecast import PILOT, Forecast, forecast
+from harness.work.forecast import LONGEST_PILOT, PILOT, PILOT_SECONDS, Forecast, forecast
 from tests.support.fakes import NoiseRenderer
 
 COUNTS = [count for _, count in schedule(2000)]
@@ -52,9 +52,11 @@ def test_what_is_compiled_at_first_counts_once_a_worker(tmp_path: Path) -> None:
 
 
 def test_it_says_how_far_it_was_off(tmp_path: Path) -> None:
-    """Samples that become dearer by a quarter: foretold too low by a fifth."""
+    """Samples that become dearer by a quarter: foretold too low by a fifth. What is told then is of them all."""
     found = told(tmp_path, lambda start, count: count * (1.25 if start == PILOT // 2 else 1.0))
     assert found.error == pytest.approx(-0.2)
+    assert found.pilot == PILOT
+    assert 1 < found.per_sample < 1.3
 
 
 def test_a_law_of_nonsense_is_not_used(tmp_path: Path) -> None:
@@ -65,13 +67,19 @@ def test_a_law_of_nonsense_is_not_used(tmp_path: Path) -> None:
 
 
 def test_the_pilot_is_a_beginning_of_the_run(tmp_path: Path) -> None:
-    """It need not be drawn twice."""
+    """It need not be drawn twice, but for what no long run keeps."""
     told(tmp_path, lambda start, count: count)
-    assert all(Store(tmp_path).has(NoiseRenderer().identity, 0, start, count) for start, count in schedule(PILOT))
+    store, identity = Store(tmp_path), NoiseRenderer().identity
+    assert [start for start, count in schedule(PILOT) if store.has(identity, 0, start, count)] == [32]
+
+
+@pytest.mark.parametrize(("each", "samples"), [(PILOT_SECONDS / 300, 384), (PILOT_SECONDS / 1e6, LONGEST_PILOT)])
+def test_where_samples_take_no_time_it_has_more_of_them(tmp_path: Path, each: float, samples: int) -> None:
+    assert told(tmp_path, lambda start, count: each * count).pilot == samples
 
 
 def test_workers_share_what_there_is() -> None:
-    found = Forecast("cpu: a", "cpu", 10.0, 0.0, 1.0, 1.0, 1.0)
+    found = Forecast("cpu: a", "cpu", 10.0, 0.0, 1.0, 64, 1.0, 1.0)
     assert found.longest([128] * 8, 1) == 10 + 8 * 128
     assert found.longest([128] * 8, 4) == 10 + 2 * 128
     assert found.longest([128] * 8, 100) == 10 + 128

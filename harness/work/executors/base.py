@@ -51,8 +51,8 @@ def one_thread() -> Iterator[None]:
 def given_up(what: str, where: str = "") -> HarnessError:
     """What to say of work that takes every worker with it."""
     return HarnessError(f"{what} ended {ALLOWED_LOSSES + 1} workers one after the other (killed, crashed, or out of "
-                        f"memory){where}; what was drawn is kept: try a smaller --size, or --executor serial to see "
-                        "why")
+                        f"memory){where}; what was drawn is kept; if memory is short, try fewer --jobs or a smaller "
+                        "--size")
 
 
 def unknown_options(executor: str, options: Options, allowed: Mapping[str, str]) -> None:
