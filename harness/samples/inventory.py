@@ -50,7 +50,7 @@ def inventory(store: Store) -> list[Series]:
 
 
 def _series(folder: Path, files: list[tuple[float, int, Path]]) -> Series:
-    names = [path.name.split(".")[0].split("-") for _, _, path in files if not path.name.startswith(PARTIAL_PREFIX)]
+    names = [path.name.split(".")[0].split("-") for _, _, path in files]
     whole = [[int(word) for word in words] for words in names if len(words) == 3 and all(map(str.isdigit, words))]
     return Series(folder.name, _read(folder / ABOUT_FILE).get("scene", ""), _estimator(_read(folder / KEY_FILE)),
                   len(whole), len({replica for replica, _, _ in whole}), sum(count for _, _, count in whole),

@@ -166,8 +166,9 @@ class TestDamage:
         lambda data: data[:10],
         lambda data: data[:-1],
         lambda data: data[:500] + b"\xff" * 8 + data[508:],
+        lambda data: data[:-20] + bytes((data[-20] ^ 1,)) + data[-19:],
         lambda data: b"not an image",
-    ], ids=["empty", "head", "tail", "middle", "other"])
+    ], ids=["empty", "head", "tail", "middle", "bit", "other"])
     def test_damaged_file_is_reported_once_and_rendered_again(
             self, store: Store, damage: Callable[[bytes], bytes], caplog: pytest.LogCaptureFixture) -> None:
         store.put(KEY, 0, 0, 4, batch())
@@ -238,7 +239,7 @@ class TestFullDisk:
         for place, name in writes:
             with monkeypatch.context() as patch:
                 patch.setattr(place, name, self.full)
-                with pytest.raises(StoreError, match=r"(the disk is full.*prune --keep|No space left)") as raised:
+                with pytest.raises(StoreError, match=r"the disk is full.*prune --keep") as raised:
                     store.put({**KEY, "more": name}, 1, 0, 4, batch(), scene="spheres")
             assert "\n" not in str(raised.value)
             assert not list(store.root.rglob(f"{PARTIAL_PREFIX}*"))

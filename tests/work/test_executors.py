@@ -62,6 +62,12 @@ class TestEach:
         assert list(workers.map(deadly_once, traces)) == traces
         assert (tmp_path / "trace").exists()
 
+    @pytest.mark.parametrize("workers", ["processes"], indirect=True)
+    def test_losses_of_other_work_do_not_count(self, workers: Executor, tmp_path: Path) -> None:
+        """Three pieces that each cost one worker, where one piece may cost two."""
+        traces = [str(tmp_path / "1"), "", str(tmp_path / "2"), "", str(tmp_path / "3")]
+        assert list(workers.map(deadly_once, traces)) == traces
+
     @pytest.mark.parametrize("workers", ["processes", "dask"], indirect=True)
     def test_work_that_ends_every_worker_is_given_up(self, workers: Executor) -> None:
         """In one line, and the workers that are left go on with what comes then."""

@@ -48,9 +48,11 @@ def one_thread() -> Iterator[None]:
             del os.environ[name]
 
 
-def given_up(what: str, where: str = "") -> HarnessError:
-    """What to say of work that takes every worker with it."""
-    return HarnessError(f"{what} ended {ALLOWED_LOSSES + 1} workers one after the other (killed, crashed, or out of "
+def given_up(what: str, where: str = "", losses: int | None = None) -> HarnessError:
+    """What to say of work that takes every worker with it. `losses`: how many more than one, if not as many as are
+    allowed."""
+    workers = 1 + (ALLOWED_LOSSES if losses is None else losses)
+    return HarnessError(f"{what} ended {workers} workers one after the other (killed, crashed, or out of "
                         f"memory){where}; what was drawn is kept; if memory is short, try fewer --jobs or a smaller "
                         "--size")
 

@@ -91,8 +91,8 @@ class Dask:
             for number, future in enumerate(futures):
                 try:
                     yield future.result()
-                except KilledWorker:
-                    raise given_up(f"piece {number + 1} of {len(futures)}") from None
+                except KilledWorker as error:
+                    raise given_up(f"piece {number + 1} of {len(futures)}", losses=error.allowed_failures) from None
                 except CancelledError:
                     raise HarnessError("the Dask scheduler went away; what was drawn is kept, and the same command "
                                        "goes on from there") from None
