@@ -43,7 +43,7 @@ ONLY = {
 }
 # Who may import a package at all.
 PACKAGES = {"moderngl": {"gpu"}, "moderngl_window": {"gpu"}, "mitsuba": {"machine", "reference", "scene"},
-            "drjit": {"machine", "reference", "scene"}}
+            "drjit": {"machine", "reference", "scene"}, "distributed": {"work"}, "dask": {"work"}, "submitit": {"work"}}
 # Who may say the name of a renderer, besides the room that it stands in: all others open estimators.
 OPENERS = {"gpu", "reference", "estimators"}
 RENDERERS = {"TracerRenderer", "ReferenceRenderer", "CoupledRenderer"}

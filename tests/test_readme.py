@@ -174,6 +174,17 @@ class TestCommands:
         if example.split() not in [command.split() for command in commands("\n".join(blocks()))]:  # else it has run
             assert run(example) in (0, 1), capsys.readouterr().err
 
+    def test_those_for_a_cluster_run(self, brief: None, capsys: pytest.CaptureFixture[str],
+                                     monkeypatch: pytest.MonkeyPatch) -> None:
+        """With Slurm's jobs in this process, and no scheduler of Dask's."""
+        monkeypatch.setattr("harness.work.executors.dask.CONNECT_SECONDS", 0.1)
+        monkeypatch.setattr("harness.work.forecast.PILOT_SECONDS", 0.0)
+        lines = [line.removeprefix("$ ") for line in section("On a cluster").splitlines() if line.startswith("$ ")]
+        for line, status in zip(commands("\n".join(lines)), (0, 0, 2), strict=True):
+            small = line.replace("partition=cpu", "cluster=debug").replace("tcp://10.0.0.1:8786", "tcp://127.0.0.1:9")
+            assert run(f"{small} --spp 4 --jobs 2") == status, capsys.readouterr().err
+        assert "tcp://127.0.0.1:9: no " in capsys.readouterr().err
+
     @pytest.mark.parametrize(("number", "smaller", "told"), [
         (0, {'.xml"': '.xml", width=16, height=12', "spp=256": "spp=8", "replicas=4": "replicas=2"},
          ["uniform", "mixture"]),

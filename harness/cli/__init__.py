@@ -24,7 +24,7 @@ COMMANDS = {
     "report": "report", "gallery": "gallery", "bench": "bench", "calibrate": "calibrate", "gate": "gate",
     "mutants": "mutants", "autopsy": "autopsy", "oracle": "oracle", "causes": "causes", "check": "check",
     "check-library": "library", "grade": "grade", "export": "export", "new-shader": "new", "new-scene": "new",
-    "view": "view",
+    "view": "view", "store": "store",
 }  # name of the command (and of its function) -> module under harness.cli
 
 EXIT_USAGE = 2

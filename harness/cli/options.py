@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,7 @@ from harness.errors import HarnessError
 if TYPE_CHECKING:
     from harness.samples.store import Store
     from harness.scene import Scene, SceneFile
+    from harness.work.executors import Executor
 
 # The metadata in which `harness render` and `harness reference` note the scene's content hash.
 SCENE_HASH = "harness.scene"
@@ -33,6 +35,8 @@ AUTOPSY_FILE = "autopsies.json"
 MAX_SPP = 1 << 22
 # Stops by which an image may be brightened or darkened for display, as in a scene file (scene.sensors.MAX_EXPOSURE).
 MAX_EXPOSURE = 64.0
+# Workers, where nobody says how many.
+CORES = os.cpu_count() or 1
 # What a study holds of each pixel at its peak: sums, batches and textures; measured 480, and 12 for each later batch.
 BYTES_PER_PIXEL = 600
 
@@ -44,8 +48,13 @@ SetOption = Annotated[list[str] | None, typer.Option("--set", metavar="NAME=VALU
                                                        "parameter of the scene; may be given several times.")]
 SamplerOption = Annotated[str, typer.Option("--sampler", help="Where the random numbers come from: independent, or "
                                              "sobol (spread evenly; replicas alone tell its noise).")]
-ExecutorOption = Annotated[str, typer.Option("--executor", help="Where samples are drawn: serial (in this process), or "
-                                                 "processes.")]
+ExecutorOption = Annotated[str, typer.Option("--executor", help="Where samples are drawn: serial (in this process), "
+                                             "processes, dask, slurm.")]
+ClusterOption = Annotated[list[str] | None, typer.Option("--cluster", metavar="NAME=VALUE|FILE.toml", help=(
+    "What the executor is told: scheduler=ADDRESS (dask), partition=NAME, time=MINUTES, mem_gb=N, … (slurm); several "
+    "times, or in a file with a table of the executor's name."))]
+JobsOption = Annotated[int, typer.Option("--jobs", "-j", min=1, max=4096, help=(
+    "Workers: processes, or jobs of a cluster; one a core of this machine if not given."))]
 StrategyOption = Annotated[str, typer.Option("--strategy", "-s", help=(
     "uniform, cosine, phong, lobes, mixture, nee, mis, or a draw with +nee or +mis."))]
 SppOption = Annotated[int, typer.Option("--spp", min=1, max=MAX_SPP, help="Samples per pixel.")]
@@ -148,6 +157,46 @@ def open_store(cache: bool) -> Store | None:
         raise HarnessError(f"{root}: the cache folder cannot be made ({error.strerror}); set HARNESS_CACHE to a folder "
                            "that you may write, or render with --no-cache") from None
     return Store(root)
+
+
+def open_executor(name: str, jobs: int, cluster: Sequence[str] | None) -> AbstractContextManager[Executor]:
+    """The executor of that name, with what `--cluster` says. HarnessError for a name or an option that is none."""
+    from harness.work.executors import executor
+
+    options: dict[str, str | int | float] = {}
+    for text in cluster or ():
+        word, equals, value = text.partition("=")
+        if equals and word.strip():
+            options[word.strip()] = _number(value.strip())
+        elif text.endswith(".toml"):
+            options |= _table(Path(text), name)
+        else:
+            raise HarnessError("--cluster: expected NAME=VALUE, such as partition=cpu, or a .toml file; found "
+                               f"'{text}'")
+    return executor(name, jobs, options=options)
+
+
+def _number(text: str) -> str | int | float:
+    """A number where it is one."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
+
+
+def _table(path: Path, name: str) -> dict[str, str | int | float]:
+    """The table of an executor's name in a TOML file, empty where it has none. HarnessError for what is no such
+    file."""
+    import tomllib
+
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8")).get(name, {})
+    except (OSError, ValueError) as error:
+        raise HarnessError(f"{path}: cannot be read as TOML ({error}); write a table [{name}] of names and "
+                           "values") from None
+    if not isinstance(table, dict) or not all(isinstance(value, str | int | float) for value in table.values()):
+        raise HarnessError(f"{path}: [{name}] must be a table of texts and numbers, such as partition = \"cpu\"")
+    return table
 
 
 def warn_of_other_scene(scene_hash: object, facts: Mapping[str, object], path: Path) -> None:

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from harness.cli.options import (
+    CORES,
     MAX_SPP,
     CacheOption,
+    ClusterOption,
     ConfidenceOption,
     DepthOption,
     DeviceOption,
     ExecutorOption,
+    JobsOption,
     ProfileTimeOption,
     SceneArgument,
     SetOption,
     SizeOption,
     not_finite,
+    open_executor,
     open_scene,
     open_store,
     scene_file,
@@ -57,8 +60,8 @@ def study(
                                                 "and 25 times that.")] = None,
     confidence: ConfidenceOption = 0.95,
     executor: ExecutorOption = "serial",
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=1, max=256, help="Processes; one a core if not given.")]
-    = os.cpu_count() or 1,
+    cluster: ClusterOption = None,
+    jobs: JobsOption = CORES,
     cache: CacheOption = True,
     device: DeviceOption = None,
     profile_time: ProfileTimeOption = False,
@@ -72,7 +75,6 @@ def study(
     Example: `harness study mitsuba_scenes/spheres.xml --strategies uniform,cosine,mixture --spp 4096 --replicas 8`
     """
     from harness.studies.study import study as run_study
-    from harness.work import executors
 
     names = _names("--strategies", strategies, "uniform,mixture") if strategies is not None else None
     drawn = _names("--samplers", samplers, "independent,sobol")
@@ -88,8 +90,8 @@ def study(
         require_writable(output / STUDY_FILE)
     store = open_store(cache)
     if executor != "serial" and store is None:
-        raise HarnessError("--executor processes hands samples over through the cache; leave out --no-cache")
-    with executors.executor(executor, jobs) as workers:
+        raise HarnessError(f"--executor {executor} hands samples over through the cache; leave out --no-cache")
+    with open_executor(executor, jobs, cluster) as workers:
         result = run_study(
             loaded, names, samplers=drawn, spp=spp, replicas=replicas, reference_spp=reference_spp, reference=ready,
             tolerance=tolerance, confidence=confidence, store=store,

@@ -16,6 +16,15 @@ from harness.samples.traits import Traits
 from harness.scene.file import SceneFile
 
 
+class Named(Protocol):
+    """A scene, or the file of one."""
+
+    @property
+    def name(self) -> str:
+        """What people call it."""
+        ...
+
+
 class Renderer(Protocol):
     """What renders batches of one scene; live only inside the `with` that opened it."""
 
@@ -32,6 +41,21 @@ class Renderer(Protocol):
     def render_batch(self, replica: int, start: int, count: int, advance: Advance | None = None) -> Batch:
         """Samples start … start+count-1 per pixel of one replica. HarnessError for a range that it has not."""
         ...
+
+
+@runtime_checkable
+class OfScene(Protocol):
+    """A renderer that says of what; one of a stranger's shader knows no scene."""
+
+    @property
+    def scene(self) -> Named:
+        """What it renders."""
+        ...
+
+
+def scene_name(renderer: Renderer) -> str:
+    """The name of the scene that a renderer renders, for people who look into the store; empty where it has none."""
+    return renderer.scene.name if isinstance(renderer, OfScene) else ""
 
 
 class Estimator(Protocol):

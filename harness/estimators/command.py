@@ -112,7 +112,7 @@ class CommandRenderer:
     traits = Traits(streams="runs", counts=False)
 
     def __init__(self, command: Command, scene: SceneFile, folder: Path) -> None:
-        self._command, self._scene, self._folder = command, scene, folder
+        self._command, self.scene, self._folder = command, scene, folder
         self._film = scene.film
         self._hash = scene.hash
         asked = command.takes_depth(scene) == ""
@@ -163,8 +163,8 @@ class CommandRenderer:
                               "compare that)")
 
     def _run(self, seed: int, spp: int, out: Path) -> None:
-        values = {"scene": self._scene.path, "spp": spp, "seed": seed, "out": out, "width": self._film.width,
-                  "height": self._film.height, "max_depth": self._depth, **dict(self._scene.parameters)}
+        values = {"scene": self.scene.path, "spp": spp, "seed": seed, "out": out, "width": self._film.width,
+                  "height": self._film.height, "max_depth": self._depth, **dict(self.scene.parameters)}
         arguments = [word.format(**values) for word in shlex.split(self._command.template)]
         with tempfile.TemporaryFile() as said:
             try:

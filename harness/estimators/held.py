@@ -54,10 +54,10 @@ class _OnDemand:
     """What of a renderer outlives it: its identity and traits are asked once."""
 
     def __init__(self, held: OneAtATime, estimator: Estimator, scene: SceneFile) -> None:
-        self._held, self._estimator, self._scene = held, estimator, scene
+        self._held, self._estimator, self.scene = held, estimator, scene
         renderer = held.opened(estimator, scene)
         self.identity: Mapping[str, str] = dict(renderer.identity)
         self.traits: Traits = renderer.traits
 
     def render_batch(self, replica: int, start: int, count: int, advance: Advance | None = None) -> Batch:
-        return self._held.opened(self._estimator, self._scene).render_batch(replica, start, count, advance)
+        return self._held.opened(self._estimator, self.scene).render_batch(replica, start, count, advance)

@@ -135,12 +135,17 @@ def write_batch(path: str | Path, batch: Batch, metadata: Mapping[str, Any] | No
     _write(Path(path), channels, {**(metadata or {}), _BATCH: json.dumps(facts)}, compression)
 
 
-def read_batch(path: str | Path) -> Batch:
-    """Read a batch; StoreError when the file is missing, damaged, or not a batch of this harness."""
+def read_batch(path: str | Path, expected: Mapping[str, Any] | None = None) -> Batch:
+    """Read a batch; StoreError when the file is missing, damaged, not a batch of this harness, or where its metadata
+    say something else than `expected`."""
     path = Path(path)
     channels, metadata, _ = _read(path)
     if _BATCH not in metadata:
         raise StoreError(f"{path}: not a batch, it lacks the attribute '{_BATCH}'; remove it and render again")
+    for name, value in (expected or {}).items():
+        if str(found := metadata.get(name, value)) != str(value):
+            raise StoreError(f"{path}: another batch than its name says ({name} {found}, not {value}); remove it and "
+                             "render again")
     facts = _facts(path, metadata[_BATCH], ("samples", "rejected", "cost"))
     largest = _stack(path, channels, _LARGEST).astype(np.float32) if _LARGEST[0] in channels else None
     return Batch(_stack(path, channels, _COLOURS).astype(np.float32), facts["samples"], facts["rejected"],

@@ -251,7 +251,8 @@ class _Drawing:
         more = range(run.replicas, run.replicas + replicas)
         with self.progress(run.spp * max(replicas, 1), description) as advance:
             if self.executor and self.store:
-                draw(tasks_of(estimator, file, more, run.spp), self.executor, self.store, advance)
+                draw(tasks_of(estimator, file, more, run.spp), self.executor, self.store, advance,
+                     identity=run.renderer.identity)
                 advance = _ignore  # what follows reads back
             for _ in more:
                 run.add_replica(self.store, advance, curve=curves)

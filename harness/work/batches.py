@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 
 import numpy as np
 
 from harness.errors import HarnessError
-from harness.estimators.base import Renderer
+from harness.estimators.base import Renderer, scene_name
 from harness.progress import Advance
 from harness.samples.cost import total as total_cost
 from harness.samples.estimate import Accumulator, Batch, Estimate
@@ -18,7 +18,7 @@ MIN_EQUAL_BATCHES = 8
 
 
 def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
-            advance: Advance = lambda n: None) -> Iterator[Batch]:
+            advance: Advance = lambda n: None) -> Generator[Batch]:
     """The first `samples` samples per pixel of one replica, batch by batch in the store's fixed schedule.
 
     What the store already holds is read, the rest rendered and kept, but for the first samples of a long run (see
@@ -27,13 +27,22 @@ def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store 
     if samples < 1:
         raise HarnessError(f"samples per pixel must be at least 1, found {samples}")
     identity = dict(renderer.identity)
+    told = 0.0
+
+    def tell(n: float) -> None:
+        nonlocal told
+        told += n
+        advance(n)
+
     for start, count in schedule(samples):
         def render(start: int = start, count: int = count) -> Batch:
-            return renderer.render_batch(replica, start, count)
+            return renderer.render_batch(replica, start, count, tell)
 
         keep = is_kept(start, count, samples) or not renderer.traits.repeats
-        yield store.get_or_render(identity, replica, start, count, render, keep=keep) if store else render()
-        advance(count)
+        yield store.get_or_render(identity, replica, start, count, render, keep=keep,
+                                  scene=scene_name(renderer)) if store else render()
+        if start + count > told:  # it was read, or drawn by a renderer that tells nothing
+            tell(start + count - told)
 
 
 def equal_batches(run: Iterable[Batch], samples: int, *, independent: bool = True) -> Iterator[Batch]:

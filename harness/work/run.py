@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.estimators.base import Renderer
+from harness.estimators.base import Renderer, scene_name
 from harness.progress import Advance
 from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminance
 from harness.samples.keys import digest
@@ -63,7 +63,8 @@ class Run:
         def render() -> Batch:
             return self.renderer.render_batch(replica, 0, self.spp)
 
-        return self.store.get_or_render(self._identity, replica, 0, self.spp, render) if self.store else render()
+        return self.store.get_or_render(self._identity, replica, 0, self.spp, render,
+                                        scene=scene_name(self.renderer)) if self.store else render()
 
 
 class FixedRun:

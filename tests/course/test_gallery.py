@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +11,27 @@ import pytest
 from PIL import Image
 
 from harness.api import render
-from harness.course.gallery import STEP, Picture, render_picture
+from harness.course.gallery import Picture, render_picture
 from harness.errors import StoreError
 from harness.samples.exr import read_estimate
+from harness.samples.store import LEAD_FACTOR, LEAD_IN, Store
 from harness.scene import Scene, load_scene
+from harness.work.executors import executor
 
 SPHERES = Path(__file__).parents[2] / "mitsuba_scenes" / "spheres.xml"
-SPP = 2 * STEP + 5
+SPP = LEAD_FACTOR * LEAD_IN + 5
 
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     """A small image."""
     return load_scene(SPHERES, width=24, height=16)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    """Where samples are kept, apart from the pictures made of them."""
+    return Store(tmp_path / "store")
 
 
 @contextmanager
@@ -40,41 +48,71 @@ def interrupted_after(samples: float) -> Iterator[Callable[[float], None]]:
     yield advance
 
 
-def test_a_picture_is_the_render_of_its_samples(scene: Scene, tmp_path: Path) -> None:
-    """Rendered in steps or in one go: the same samples."""
-    picture = render_picture(scene, SPP, tmp_path)
+def pixels(picture: Picture) -> np.ndarray:
+    return read_estimate(picture.exr)[0].mean
+
+
+def test_a_picture_is_the_render_of_its_samples(scene: Scene, store: Store, tmp_path: Path) -> None:
+    """As any run of them."""
+    picture = render_picture(scene, SPP, tmp_path, store=store)
     assert (picture.samples, picture.resumed, picture.rejected) == (SPP, 0, 0)
-    np.testing.assert_allclose(read_estimate(picture.exr)[0].mean, render(scene, "mixture", SPP).mean, rtol=2e-6)
+    assert picture.seconds > 0 and picture.device
+    np.testing.assert_allclose(pixels(picture), render(scene, "mixture", SPP).mean, rtol=2e-6)
 
 
-def test_it_can_be_looked_at_after_the_first_sample(scene: Scene, tmp_path: Path) -> None:
+def test_it_can_be_looked_at_after_the_first_sample(scene: Scene, store: Store, tmp_path: Path) -> None:
     """The first state is saved at once, as a PNG of the picture's size."""
     states: list[Picture] = []
-    render_picture(scene, SPP, tmp_path, saved=states.append)
+    render_picture(scene, 8, tmp_path, store=store, saved=states.append)
     assert states[0].samples == 1
     assert Image.open(states[0].png).size == (scene.width, scene.height)
 
 
-def test_an_interrupted_picture_goes_on_where_it_was(scene: Scene, tmp_path: Path) -> None:
-    """Nothing rendered is lost, nothing is rendered twice, and the result is that of an uninterrupted render."""
+def test_an_interrupted_picture_goes_on_where_it_was(scene: Scene, store: Store, tmp_path: Path) -> None:
+    """No batch is rendered twice but the first, which no long run keeps, and the result is bit for bit that of an
+    uninterrupted render."""
     with pytest.raises(KeyboardInterrupt):
-        render_picture(scene, SPP, tmp_path / "a", progress=lambda total, words: interrupted_after(STEP))
-    kept = read_estimate(tmp_path / "a" / "spheres.exr")[0].samples
-    assert STEP <= kept < SPP
-    resumed = render_picture(scene, SPP, tmp_path / "a")
-    assert (resumed.samples, resumed.resumed) == (SPP, kept)
-    whole = render_picture(scene, SPP, tmp_path / "b")
-    np.testing.assert_allclose(read_estimate(resumed.exr)[0].mean, read_estimate(whole.exr)[0].mean, rtol=2e-6)
+        render_picture(scene, SPP, tmp_path / "a", store=store, progress=lambda total, words: interrupted_after(200))
+    assert read_estimate(tmp_path / "a" / "spheres.exr")[0].samples == 128, "what there is can be looked at"
+    resumed = render_picture(scene, SPP, tmp_path / "a", store=store)
+    assert (resumed.samples, resumed.resumed) == (SPP, 128 - LEAD_IN)
+    whole = render_picture(scene, SPP, tmp_path / "b", store=Store(tmp_path / "another"))
+    np.testing.assert_array_equal(pixels(resumed), pixels(whole))
 
 
-def test_a_finished_picture_stays_as_it_is(scene: Scene, tmp_path: Path) -> None:
+def test_whoever_drew_its_samples_it_is_the_same(scene: Scene, store: Store, tmp_path: Path) -> None:
+    """In processes, as on a cluster, and partly here before."""
+    here = render_picture(scene, SPP, tmp_path / "here", store=Store(tmp_path / "another"))
+    render_picture(scene, 64, tmp_path / "there", store=store)
+    told: list[float] = []
+    with executor("processes", 2) as workers:
+        there = render_picture(scene, SPP, tmp_path / "there", store=store, executor=workers,
+                               progress=lambda total, words: nullcontext(told.append))
+    np.testing.assert_array_equal(pixels(there), pixels(here))
+    assert sum(told) == SPP
+    assert (there.samples, there.resumed) == (SPP, 64)
+
+
+def test_a_longer_one_goes_on_from_a_shorter_one(scene: Scene, store: Store, tmp_path: Path) -> None:
+    """And the shorter state stays to be seen until there is more."""
+    short = render_picture(scene, 128, tmp_path, store=store)
+    before = short.exr.read_bytes()
+    with pytest.raises(KeyboardInterrupt):
+        render_picture(scene, SPP, tmp_path, store=store, progress=lambda total, words: interrupted_after(64))
+    assert short.exr.read_bytes() == before
+    assert render_picture(scene, SPP, tmp_path, store=store).resumed == 128
+
+
+def test_a_finished_picture_stays_as_it_is(scene: Scene, store: Store, tmp_path: Path) -> None:
     """Asked again for as many samples or fewer, nothing is rendered or written; a lost PNG is made again."""
-    first = render_picture(scene, 4, tmp_path)
+    first = render_picture(scene, 4, tmp_path, store=store)
     before = first.exr.stat().st_mtime_ns
-    assert render_picture(scene, 3, tmp_path).samples == 4
+    again = render_picture(scene, 3, tmp_path, store=Store(tmp_path / "another"))
+    assert (again.samples, again.resumed, again.device) == (4, 4, first.device)
+    assert again.seconds == pytest.approx(first.seconds)
     assert first.exr.stat().st_mtime_ns == before
     first.png.unlink()
-    assert render_picture(scene, 4, tmp_path).png.exists()
+    assert render_picture(scene, 4, tmp_path, store=store).png.exists()
 
 
 def _shallower(folder: Path) -> Scene:
@@ -86,12 +124,12 @@ def _shallower(folder: Path) -> Scene:
     return load_scene(folder / SPHERES.name, width=24, height=16)
 
 
-def test_another_picture_is_never_continued(scene: Scene, tmp_path: Path) -> None:
+def test_another_picture_is_never_replaced(scene: Scene, store: Store, tmp_path: Path) -> None:
     """Another size or depth under the same name is refused, as is a file that is no picture of ours."""
-    render_picture(scene, 2, tmp_path)
+    render_picture(scene, 2, tmp_path, store=store)
     for other in (load_scene(SPHERES, width=24, height=17), _shallower(tmp_path / "other")):
         with pytest.raises(StoreError, match="another picture"):
-            render_picture(other, 2, tmp_path)
+            render_picture(other, 2, tmp_path, store=store)
     (tmp_path / "spheres.exr").write_bytes(b"not an image")
     with pytest.raises(StoreError, match="not an OpenEXR file"):
-        render_picture(scene, 2, tmp_path)
+        render_picture(scene, 2, tmp_path, store=store)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
 import os
+import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -12,11 +16,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import harness
 from harness.errors import HarnessError, StoreError
+from harness.files import PARTIAL_PREFIX
 from harness.samples.cost import Cost
 from harness.samples.estimate import Batch
-from harness.samples.store import LONGEST_BATCH, Store, schedule
+from harness.samples.inventory import inventory, prune
+from harness.samples.store import LONGEST_BATCH, SET_ASIDE, Store, schedule
+from tests.support.fakes import NoiseRenderer
 
+ROOT = Path(harness.__file__).parents[1]
 KEY = {"scene": "0123456789abcdef", "strategy": "mixture", "renderer": "glsl 1"}
 COST = Cost(0.5, 0.25, None, "cpu: test", "cpu")
 
@@ -32,7 +41,7 @@ def store(tmp_path: Path) -> Store:
 
 
 def files(store: Store) -> list[Path]:
-    return sorted(store.root.glob("*/*/*.exr"))
+    return sorted(store.root.glob("??/*/*.exr"))
 
 
 def never() -> Batch:
@@ -157,8 +166,9 @@ class TestDamage:
         lambda data: data[:10],
         lambda data: data[:-1],
         lambda data: data[:500] + b"\xff" * 8 + data[508:],
+        lambda data: data[:-20] + bytes((data[-20] ^ 1,)) + data[-19:],
         lambda data: b"not an image",
-    ], ids=["empty", "head", "tail", "middle", "other"])
+    ], ids=["empty", "head", "tail", "middle", "bit", "other"])
     def test_damaged_file_is_reported_once_and_rendered_again(
             self, store: Store, damage: Callable[[bytes], bytes], caplog: pytest.LogCaptureFixture) -> None:
         store.put(KEY, 0, 0, 4, batch())
@@ -172,6 +182,17 @@ class TestDamage:
         assert str(path) in record.getMessage() and "rendered again" in record.getMessage()
         assert "\n" not in record.getMessage() and record.getMessage().count(";") == 1
 
+    def test_damaged_file_is_set_aside_as_it_is(self, store: Store) -> None:
+        """Somebody may want to know what happened to it."""
+        store.put(KEY, 3, 0, 4, batch())
+        (path,) = files(store)
+        path.write_bytes(whole := path.read_bytes()[:-1])
+        assert store.get(KEY, 3, 0, 4) is None
+        assert files(store) == []
+        (aside,) = (store.root / SET_ASIDE).iterdir()
+        assert aside.name.startswith(f"{path.parent.name[:16]}-3-0-4-") and aside.read_bytes() == whole
+        assert store.prune(0) == len(whole), "it takes room as batches do, and goes as they do"
+
     def test_foreign_image_in_its_place_is_not_taken_for_a_batch(self, store: Store) -> None:
         from harness.samples.estimate import Estimate
         from harness.samples.exr import write_estimate
@@ -180,6 +201,103 @@ class TestDamage:
         write_estimate(files(store)[0], Estimate.exact(np.ones((8, 8, 3))))
         assert store.get(KEY, 0, 0, 4) is None
         assert files(store) == []
+
+    @pytest.mark.parametrize(("key", "place"), [(KEY, (1, 0, 4)), (KEY, (0, 4, 4)), (KEY, (0, 0, 8)),
+                                                ({**KEY, "scene": "another"}, (0, 0, 4))])
+    def test_a_sound_batch_of_another_place_is_not_taken_for_this_ones(
+            self, store: Store, key: dict[str, str], place: tuple[int, int, int],
+            caplog: pytest.LogCaptureFixture) -> None:
+        """Copied by hand, say: its numbers would be those of other samples."""
+        store.put(KEY, 0, 0, 4, batch())
+        store.put(key, *place, batch(samples=place[2]))
+        wrong = next(path for path in files(store) if path.name == f"{place[0]}-{place[1]}-{place[2]}.exr"
+                     and (path.parent != files(store)[0].parent or key == KEY))
+        right = next(path for path in files(store) if path != wrong)
+        wrong.write_bytes(right.read_bytes())
+        assert store.get(key, *place) is None
+        (record,) = caplog.records
+        assert "another batch than its name says" in record.getMessage()
+
+    def test_what_cannot_be_set_aside_is_rendered_again_all_the_same(
+            self, store: Store, caplog: pytest.LogCaptureFixture) -> None:
+        store.put(KEY, 0, 0, 4, batch())
+        (path,) = files(store)
+        path.write_bytes(b"")
+        (store.root / SET_ASIDE).touch()  # somebody's file
+        np.testing.assert_array_equal(store.get_or_render(KEY, 0, 0, 4, batch).mean, batch().mean)
+        assert "cannot be set aside" in caplog.records[0].getMessage()
+        assert store.get(KEY, 0, 0, 4) is not None
+
+
+class TestFullDisk:
+    """One line that says what is full and what helps; nothing half-written; what was there stays."""
+
+    def test_whichever_write_fails_nothing_is_left_of_it(self, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+        store.put(KEY, 0, 0, 4, batch())
+        before = sorted(store.root.rglob("*"))
+        writes = [(Path, "write_text"), (Path, "write_bytes"), (os, "replace"), (Path, "mkdir")]
+        for place, name in writes:
+            with monkeypatch.context() as patch:
+                patch.setattr(place, name, self.full)
+                with pytest.raises(StoreError, match=r"the disk is full.*prune --keep") as raised:
+                    store.put({**KEY, "more": name}, 1, 0, 4, batch(), scene="spheres")
+            assert "\n" not in str(raised.value)
+            assert not list(store.root.rglob(f"{PARTIAL_PREFIX}*"))
+            assert [path for path in store.root.rglob("*.exr") if path not in before] == []
+        store.put(KEY, 1, 0, 4, batch())
+        assert store.get(KEY, 0, 0, 4) is not None and store.get(KEY, 1, 0, 4) is not None
+
+    @staticmethod
+    def full(*arguments: object, **options: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def test_a_file_that_may_not_grow_is_not_left_half_written(self, tmp_path: Path) -> None:
+        """A real limit, in a process of its own: the batch would be larger."""
+        program = ("import resource, sys; from tests.samples.test_store import KEY, batch; "
+                   "from harness.samples.store import Store; from harness.errors import StoreError; "
+                   "resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))\n"
+                   "try: Store(sys.argv[1]).put(KEY, 0, 0, 4, batch(side=64))\n"
+                   "except StoreError as error: print(error)")
+        done = subprocess.run([sys.executable, "-c", program, str(tmp_path)], capture_output=True, text=True,
+                              check=True, cwd=ROOT)
+        assert "cannot be written (File too large)" in done.stdout and done.stdout.count("\n") == 1
+        assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["key.json"]
+
+
+class TestKills:
+    """Whoever uses a store may be killed at any moment."""
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_no_moment_changes_a_number(self, tmp_path: Path, seed: int) -> None:
+        """Twelve runs on one store, each killed at a random call, every other one while it writes; then one that ends.
+
+        `python -m tests.support.kills` does it to a whole study, fifty times.
+        """
+        done = subprocess.run([sys.executable, "-m", "tests.support.kills", str(tmp_path), str(seed), "12"],
+                              capture_output=True, text=True, check=True, cwd=ROOT)
+        found = json.loads(done.stdout)
+        assert found["signals"] == [signal.SIGKILL] * 12
+        assert max(found["whole"]) > 0
+        assert found["resumed"] == found["undisturbed"]
+        # What the dead left half-written stays out of the way, and goes when it is old.
+        killed = Store(tmp_path / "killed")
+        assert all(one.batches == len(list(killed.root.glob(f"??/{one.key}/[!.]*.exr"))) for one in inventory(killed))
+        torn = list(killed.root.rglob(f"{PARTIAL_PREFIX}*"))
+        assert len([path for path in torn if path.suffix == ".exr"]) == found["torn"][-1]
+        for path in torn:
+            os.utime(path, (0, 0))
+        prune(killed)
+        assert not list(killed.root.rglob(f"{PARTIAL_PREFIX}*"))
+
+    def test_two_at_once_give_the_numbers_of_one(self, tmp_path: Path) -> None:
+        """Two processes on one store, which both begin with nothing."""
+        program = ("import sys; from pathlib import Path; from tests.support.kills import draw; "
+                   "print(draw(Path(sys.argv[1])))")
+        running = [subprocess.Popen([sys.executable, "-c", program, str(tmp_path / folder)], stdout=subprocess.PIPE,
+                                    text=True, cwd=ROOT) for folder in ("shared", "shared", "alone")]
+        assert len({process.communicate()[0] for process in running}) == 1
+        assert [process.returncode for process in running] == [0, 0, 0]
+        assert all(store.get(NoiseRenderer().identity, 0, 128, 128) for store in [Store(tmp_path / "shared")])
 
 
 class TestSize:

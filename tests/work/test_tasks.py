@@ -16,10 +16,12 @@ from harness.scene import SceneFile
 from harness.shader.library import OURS
 from harness.studies.study import study
 from harness.work.batches import batches
-from harness.work.executors import EXECUTORS, executor
+from harness.work.executors import executor
 from harness.work.tasks import Task, draw, tasks_of
 
 SPHERES = SceneFile(data_dir("mitsuba_scenes") / "spheres.xml", size=(24, 18))
+# Executors that start in a moment; those of clusters are held against this process in test_executors.
+OWN = ("serial", "processes")
 
 
 def files(root: Path) -> dict[str, bytes]:
@@ -43,10 +45,10 @@ def test_tasks_cover_replicas_in_the_schedule_of_the_store() -> None:
         (replica, start, count) for replica in (2, 3) for start, count in schedule(10)]
 
 
-def test_every_executor_leaves_the_same_pixels(tmp_path: Path) -> None:
+def test_executors_leave_the_same_pixels(tmp_path: Path) -> None:
     tasks = [*tasks_of(Tracer("mixture"), SPHERES, range(2), 8), *tasks_of(Tracer("uniform"), SPHERES, range(1), 8)]
     found = []
-    for name in EXECUTORS:
+    for name in OWN:
         told: list[float] = []
         with executor(name, 2) as workers:
             draw(tasks, workers, Store(tmp_path / name), told.append)
@@ -56,7 +58,7 @@ def test_every_executor_leaves_the_same_pixels(tmp_path: Path) -> None:
     assert all(other == found[0] for other in found)
 
 
-@pytest.mark.parametrize("name", EXECUTORS)
+@pytest.mark.parametrize("name", OWN)
 def test_long_runs_leave_the_same_files_whoever_drew_them(tmp_path: Path, name: str) -> None:
     """What is not worth its room goes when it has been read."""
     tiny, replicas, spp = SPHERES.sized(12, 9), range(2), LEAD_FACTOR * LEAD_IN
@@ -104,3 +106,49 @@ def test_a_study_is_the_same_in_processes(tmp_path: Path) -> None:
 def test_a_study_hands_over_through_a_store_alone() -> None:
     with executor("serial") as workers, pytest.raises(HarnessError, match="through a store; give the study one"):
         study(SPHERES, ["mixture"], executor=workers)
+
+
+class TestWorkers:
+    """Of other machines, which may lack what this one has."""
+
+    TASKS = (Task(Tracer("mixture"), SPHERES, 0, 0, 1),)
+
+    def test_one_that_does_not_see_the_store_is_said(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Its disk is another, though its path is the same."""
+        monkeypatch.setattr(Store, "sees", lambda self, mark: (tmp_path / "elsewhere" / mark).exists())
+        said = r"does not see this folder.*set HARNESS_CACHE"
+        with executor("serial") as workers, pytest.raises(HarnessError, match=said):
+            draw(self.TASKS, workers, Store(tmp_path / "store"))
+
+    def test_one_that_draws_other_samples_is_said(self, tmp_path: Path) -> None:
+        with Tracer("mixture").open(SPHERES) as renderer:
+            identity = dict(renderer.identity)
+        for there, said in (({**identity, "gl_version": "4.5 Mesa 99"}, "its gl_version is '.*', here '4.5 Mesa 99'"),
+                            ({**identity, "sampler": "sobol"}, "its sampler is '', here 'sobol'")):
+            with executor("serial") as workers, pytest.raises(HarnessError, match=said):
+                draw(self.TASKS, workers, Store(tmp_path), identity=there)
+        with executor("serial") as workers:
+            draw(self.TASKS, workers, Store(tmp_path), identity=identity)
+
+    def test_no_mark_is_left_behind(self, tmp_path: Path) -> None:
+        with executor("serial") as workers:
+            draw(self.TASKS, workers, Store(tmp_path))
+        assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
+
+    def test_paths_are_whole(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """A worker's folder is another."""
+        (tmp_path / "spheres.xml").symlink_to(SPHERES.path)
+        (tmp_path / "worker").mkdir()
+        monkeypatch.chdir(tmp_path)
+        asked = []
+
+        class Elsewhere:
+            def map(self, work, items):  # type: ignore[no-untyped-def]
+                asked.extend(items)
+                monkeypatch.chdir("worker")
+                return map(work, asked)
+
+        relative = Task(Tracer("mixture"), SceneFile(Path("spheres.xml"), size=(24, 18)), 0, 0, 1)
+        draw([relative], Elsewhere(), Store("store"))
+        assert [task.scene.path for task in asked] == [tmp_path / "spheres.xml"]
+        assert len(list(tmp_path.glob("store/*/*/*.exr"))) == 1

@@ -4,40 +4,85 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from types import TracebackType
+from typing import Any
 
-from harness.work.executors.base import Item, Prepare, Result
-
-# With processes enough, threads inside each only wait for each other: OpenBLAS multiplies matrices, llvmpipe draws.
-ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "LP_NUM_THREADS": "1"}
+from harness.work.executors import base
+from harness.work.executors.base import Item, Prepare, Result, given_up, one_thread
 
 
 class Processes:
-    """So many processes, started afresh: a forked one could not use its parent's GL context.
-
-    What the user set in the environment wins over `ONE_THREAD`.
-    """
+    """So many processes, started afresh: a forked one could not use its parent's GL context."""
 
     def __init__(self, jobs: int, prepare: Prepare | None = None) -> None:
         self._jobs, self._prepare = jobs, prepare
-        self._set: list[str] = []
+        self._stack = ExitStack()
 
     def __enter__(self) -> Processes:
-        # Libraries read these when they are loaded, before any code of ours runs in the process.
-        self._set = [name for name in ONE_THREAD if name not in os.environ]
-        os.environ.update({name: ONE_THREAD[name] for name in self._set})
-        self._pool = ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"),
-                                         initializer=self._prepare)
+        # Libraries read the environment when they are loaded, before any code of ours runs in the process.
+        self._stack.enter_context(one_thread())
+        self._pool = self._started()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
         self._pool.shutdown(cancel_futures=True)
-        for name in self._set:
-            del os.environ[name]
+        self._stack.close()
+
+    def _started(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"),
+                                   initializer=_begin, initargs=(self._prepare,))
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-        """See `Executor.map`."""
-        return self._pool.map(work, items)
+        """See `Executor.map`. All is handed out at once; a process that dies takes the pool with it, and what was not
+        done then goes to the next pool."""
+        return self._results(work, dict(enumerate(items)))
+
+    def _results(self, work: Callable[[Item], Result], left: dict[int, Item]) -> Iterator[Result]:
+        done: dict[int, Any] = {}
+        following, losses = 0, 0
+        last = len(left)
+        futures: dict[int, Future[Result]] = {}
+        try:
+            while following < last:
+                try:
+                    futures = futures or {number: self._pool.submit(work, item) for number, item in left.items()}
+                    if following not in done:
+                        done[following] = futures[following].result()
+                except BrokenProcessPool:
+                    done |= {number: future.result() for number, future in futures.items()
+                             if future.done() and not future.cancelled() and future.exception() is None}
+                    losses += 1
+                    if losses > base.ALLOWED_LOSSES:
+                        raise given_up(f"piece {following + 1} of {last}, or one that ran beside it,") from None
+                    left = {number: item for number, item in left.items() if number not in done}
+                    futures = {}
+                    self._pool.shutdown(wait=True, cancel_futures=True)
+                    self._pool = self._started()
+                    continue
+                result = done.pop(following)
+                left.pop(following, None)
+                following, losses = following + 1, 0
+                yield result
+        finally:
+            for future in futures.values():
+                future.cancel()
+
+
+def _begin(prepare: Prepare | None) -> None:
+    """What a process does first: see that it ends with the one that started it, even if that is killed."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+    if prepare:
+        prepare()
