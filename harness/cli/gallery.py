@@ -40,6 +40,8 @@ def gallery(
     size: SizeOption = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for NAME.png and NAME.exr.")]
     = Path("reports/out/gallery"),
+    keep: Annotated[Path | None, typer.Option("--keep", help="Also write each into this folder as a JPEG, with what it "
+                                              "took in pictures.json: for a report or a page.")] = None,
     executor: ExecutorOption = "serial",
     cluster: ClusterOption = None,
     jobs: JobsOption = CORES,
@@ -56,12 +58,16 @@ def gallery(
     Example: `harness gallery --spp 500`
     """
     from harness.course.gallery import FIGURES, SIDE, render_picture
-    from harness.files import data_dir
+    from harness.course.kept import RECORDS_FILE
+    from harness.course.kept import keep as keep_picture
+    from harness.files import data_dir, require_writable
 
     counts = {figure.scene: figure.spp for figure in FIGURES}
     paths = scenes or [data_dir("mitsuba_scenes") / f"{figure.scene}.xml" for figure in FIGURES]
     loaded = [open_scene(path, size or f"{SIDE}x{SIDE}") for path in paths]  # a bad one shows before the first render
     wanted = [spp or counts.get(scene.name, FIGURES[0].spp) for scene in loaded]
+    if keep:
+        require_writable(keep / RECORDS_FILE)
     store = open_store(cache=True)
     assert store is not None
     if estimate:
@@ -77,6 +83,8 @@ def gallery(
             if not json:
                 print(f"{picture.png}: {scene.width} x {scene.height}, {picture.samples} spp, "
                       f"{picture.samples - picture.resumed} of them new; {_cost(picture)}")
+            if keep:
+                keep_picture(picture, scene, keep)
             pictures.append(picture)
     if json:
         print_json({"pictures": pictures})

@@ -12,6 +12,7 @@ from harness.results.gates import (
     RungRecord,
 )
 from harness.results.mutants import Acquitted, AutopsyOutcome, AutopsyScore, KillRecord, MutantRecord, NamedMutant
+from harness.results.pictures import KeptPicture
 from harness.results.studies import REJECTED, SECONDS, CoupledRecord, Record, StrategyResult, StudyResult
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "Finding",
     "GateNumbers",
     "GateRecord",
+    "KeptPicture",
     "KillRecord",
     "LookRecord",
     "MutantRecord",

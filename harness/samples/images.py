@@ -1,4 +1,4 @@
-"""Images ready to look at: 8-bit sRGB PNG files."""
+"""Images ready to look at: 8-bit sRGB PNG and JPEG files."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from harness.samples.tone import encode_srgb
 
 # What a NaN pixel looks like: a colour that no one takes for part of the scene.
 NAN_COLOUR = (255, 0, 255)
+# Of JPEGs: noise of a finished picture is gone, edges are clean, at a tenth of the PNG's size.
+QUALITY = 88
 
 
 def display_pixels(image: np.ndarray, exposure: float = 0.0) -> np.ndarray:
@@ -27,3 +29,9 @@ def write_png(path: str | Path, image: np.ndarray, exposure: float = 0.0) -> Non
     """Write linear Rec.709 (H, W, 3) as displayed at an exposure in stops; StoreError when it cannot be written."""
     with write_atomically(path) as partial:
         Image.fromarray(display_pixels(image, exposure)).save(partial, format="PNG", optimize=True)
+
+
+def write_jpeg(path: str | Path, image: np.ndarray, exposure: float = 0.0) -> None:
+    """The same as a JPEG, to be kept for long."""
+    with write_atomically(path) as partial:
+        Image.fromarray(display_pixels(image, exposure)).save(partial, format="JPEG", quality=QUALITY, optimize=True)

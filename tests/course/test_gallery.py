@@ -12,6 +12,7 @@ from PIL import Image
 
 from harness.api import render
 from harness.course.gallery import Picture, render_picture
+from harness.course.kept import RECORDS_FILE, keep, kept_folder, load_kept
 from harness.errors import StoreError
 from harness.samples.exr import read_estimate
 from harness.samples.store import LEAD_FACTOR, LEAD_IN, Store
@@ -133,3 +134,37 @@ def test_another_picture_is_never_replaced(scene: Scene, store: Store, tmp_path:
     (tmp_path / "spheres.exr").write_bytes(b"not an image")
     with pytest.raises(StoreError, match="not an OpenEXR file"):
         render_picture(scene, 2, tmp_path, store=store)
+
+
+class TestKept:
+    """As JPEGs, with what they took."""
+
+    def test_is_the_picture_that_was_rendered_and_what_it_took(self, scene: Scene, store: Store,
+                                                               tmp_path: Path) -> None:
+        picture = render_picture(scene, 16, tmp_path, store=store)
+        record = keep(picture, scene, tmp_path / "kept")
+        assert (record.width, record.height, record.spp, record.rejected) == (24, 16, 16, 0)
+        assert (record.seconds, record.device) == (picture.seconds, picture.device)
+        shown = np.asarray(Image.open(tmp_path / "kept" / "spheres.jpg"), dtype=float)
+        png = np.asarray(Image.open(picture.png), dtype=float)
+        assert shown.shape == png.shape and np.abs(shown - png).mean() < 8
+        assert load_kept(tmp_path / "kept") == (record,)
+
+    def test_again_it_takes_the_place_of_the_former(self, scene: Scene, store: Store, tmp_path: Path) -> None:
+        for samples in (4, 8):
+            keep(render_picture(scene, samples, tmp_path, store=store), scene, tmp_path / "kept")
+        assert [record.spp for record in load_kept(tmp_path / "kept")] == [8]
+
+    def test_a_damaged_list_or_a_missing_picture_is_told_in_one_line(self, scene: Scene, store: Store,
+                                                                     tmp_path: Path) -> None:
+        keep(render_picture(scene, 4, tmp_path, store=store), scene, tmp_path)
+        (tmp_path / "spheres.jpg").unlink()
+        with pytest.raises(StoreError, match=r"the picture is missing that pictures\.json names; keep it again"):
+            load_kept(tmp_path)
+        (tmp_path / RECORDS_FILE).write_text("[]", encoding="utf-8")
+        with pytest.raises(StoreError, match="not a list of pictures"):
+            load_kept(tmp_path)
+
+    def test_those_that_come_with_the_harness_are_there(self) -> None:
+        for record in load_kept(kept_folder()):
+            assert Image.open(kept_folder() / record.file).size == (record.width, record.height)
