@@ -98,6 +98,23 @@ class Remark:
 
 
 @dataclass(frozen=True)
+class Link:
+    """Words inside a text, and the anchor that they lead to."""
+
+    words: str
+    target: str
+
+
+@dataclass(frozen=True)
+class Work:
+    """A work that the report cites: its number, the anchor that citations lead to, and what it is."""
+
+    number: int
+    anchor: str
+    text: str
+
+
+@dataclass(frozen=True)
 class Term:
     """A word of the report and what a reader needs to judge by it."""
 
@@ -118,10 +135,25 @@ class Heading:
 
 @dataclass(frozen=True)
 class Paragraph:
-    """Running text; `lead`: words in bold that it begins with."""
+    """Running text; `lead`: words in bold that it begins with; `links`: parts of the text that lead elsewhere."""
 
     text: str
     lead: str = ""
+    links: tuple[Link, ...] = ()
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A displayed formula in Typst's notation for mathematics, as far as `pages.mathml` reads it."""
+
+    source: str
+
+
+@dataclass(frozen=True)
+class Works:
+    """The works that the report cites."""
+
+    items: tuple[Work, ...]
 
 
 @dataclass(frozen=True)
@@ -202,7 +234,8 @@ class Listings:
     items: tuple[Listing, ...]
 
 
-Block = Heading | Paragraph | Facts | Remarks | Terms | Pointer | Table | Pictures | Curves | Listings
+Block = (Heading | Paragraph | Formula | Works | Facts | Remarks | Terms | Pointer | Table | Pictures | Curves
+         | Listings)
 KINDS: tuple[type, ...] = get_args(Block)
 
 
@@ -211,12 +244,14 @@ class Chapter:
     """A chapter: its title, the anchor that links lead to, and its blocks in order.
 
     It begins a page, unless it `follows_on`. Without a title it is the first one, which stands under the report's own.
+    `language`: of its words, as a BCP 47 tag.
     """
 
     title: str
     anchor: str
     blocks: tuple[Block, ...]
     follows_on: bool = False
+    language: str = "en"
 
 
 @dataclass(frozen=True)

@@ -158,4 +158,11 @@ def typographic(text: str) -> str:
     return re.sub(r"(?<=\d) (?=%)", NBSP, text)
 
 
+def french(text: str) -> str:
+    """Numbers in print as French has them: a decimal comma, thin spaces between thousands, semicolons in intervals."""
+    text = re.sub(r",(?=[\s\N{NO-BREAK SPACE}]*[-+\N{MINUS SIGN}\d][\d.,]*\])", f"{NBSP};", text)
+    text = re.sub(r"(?<=\d),(?=\d{3})", "\N{NARROW NO-BREAK SPACE}", text)
+    return re.sub(r"(?<=\d)\.(?=\d)", ",", text)
+
+
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -1,4 +1,4 @@
-"""The first page: a summary computed from the data, and every verdict in one table."""
+"""The first page after the abstract: a summary computed from the data, and every verdict in one table."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from harness.report import formats
 from harness.report.blocks import Block, Chapter, Mark, Pointer, Remark, Remarks
 from harness.report.chapters import exhibits
+from harness.report.headline import judged_pairs, saved
 from harness.report.inputs import Inputs
 from harness.report.tables import (
     EXPECTED_SLOPE,
@@ -21,29 +22,29 @@ from harness.report.tables import (
 from harness.report.tiles import tiles_summary
 from harness.results import StrategyResult, StudyResult
 from harness.stats.channels import Channel
-from harness.studies import EVEN
 from harness.studies.equal_error import Cost, equal_error
 
 Pair = tuple[StudyResult, StrategyResult]
 
 PLACE = 0
+TITLE, ANCHOR = "Verdicts", "verdicts"
 
 # So many pairs are named in a sentence of the summary; the verdict table names them all.
 _MAX_NAMED = 4
 
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
-    """What stands under the report's title."""
+    """The chapter, on the abstract's page."""
     blocks: list[Block] = [Remarks(summary(inputs.results)), verdict_table(inputs.results, inputs.anchors)]
     if inputs.exhibits:
         blocks.append(Pointer(f"{exhibits.TITLE}, what each does to a picture and what finds it", exhibits.ANCHOR))
-    yield Chapter("", "", tuple(blocks))
+    yield Chapter(TITLE, ANCHOR, tuple(blocks), follows_on=True)
 
 
 def summary(results: Sequence[StudyResult]) -> tuple[Remark, ...]:
     """What the data say, in sentences: agreement, how sharp the test was, convergence, gains, and what was left out."""
     pairs = [(result, strategy) for result in results for strategy in result.strategies]
-    judged = [pair for pair in pairs if pair[1].suits]
+    judged = judged_pairs(results)
     failed = [pair for pair in judged if pair[1].tiles.failed]
     remarks = [*_agreement(judged, len(results)), *tiles_summary(judged, _names(failed), failed),
                *_sharpness(judged), *_convergence(judged), *_bought(results), *_gains(results)]
@@ -126,29 +127,20 @@ def _convergence(judged: Sequence[Pair]) -> list[Remark]:
     return [Remark(text, mark)]
 
 
-# What was bought: in words, by which strategy over which other; names of samplers stand behind those of strategies.
-_BOUGHT = (("importance sampling", "mixture", "uniform"), ("light sampling", "mis", "mixture"),
-           ("evenly spread numbers", f"mis {EVEN}", "mis"), ("evenly spread numbers", f"mixture {EVEN}", "mixture"))
+_IDEAS = {"importance": "importance sampling", "lights": "light sampling", "even": "evenly spread numbers"}
 
 
 def _bought(results: Sequence[StudyResult]) -> list[Remark]:
     """How much sooner the same error is reached by each of three ideas: the middle of the scenes, and the extremes."""
-    factors: dict[str, list[tuple[float, str]]] = {idea: [] for idea, *_ in _BOUGHT}
-    for result in results:
-        equal = equal_error(result)
-        seconds = {cost.strategy.strategy: cost.seconds.value for cost in equal.costs} if equal else {}
-        for idea, better, plain in _BOUGHT:
-            if better in seconds and plain in seconds and np.isfinite(seconds[plain] / seconds[better]):
-                factors[idea].append((seconds[plain] / seconds[better], result.scene))
     told = []
-    for idea, found in factors.items():
+    for idea, found in saved(results).items():
         if not found:
             continue
         least, most = min(found), max(found)
         middle = formats.significant(float(np.median([factor for factor, _ in found])), 2)
         spread = (f"the middle of {formats.plural(len(found), 'scene')}, from {formats.significant(least[0], 2)} on "
                   f"{least[1]} to {formats.significant(most[0], 2)} on {most[1]}")
-        told.append(f"{idea} {middle} times ({spread if len(found) > 1 else least[1]})")
+        told.append(f"{_IDEAS[idea]} {middle} times ({spread if len(found) > 1 else least[1]})")
     if not told:
         return []
     return [Remark(f"By how much sooner the same error is reached: {formats.words(told)}.")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,9 @@ from harness.report.blocks import (
     Curves,
     Document,
     Facts,
+    Formula,
     Heading,
+    Link,
     Listings,
     Paragraph,
     Picture,
@@ -29,9 +31,11 @@ from harness.report.blocks import (
     Swatch,
     Table,
     Terms,
+    Works,
 )
 from harness.report.figures.style import FONT, font_folder
 from harness.report.pages.frame import framed
+from harness.report.pages.mathml import mathml
 
 _FONT_NAME = "Report STIX"
 
@@ -75,7 +79,8 @@ def _font_face(document: Document) -> str:
 
 def _chapter(chapter: Chapter) -> str:
     title = f'<h2 id="{chapter.anchor}">{escape(chapter.title)}</h2>' if chapter.title else ""
-    return "\n".join(part for part in (title, *(_BLOCKS[type(block)](block) for block in chapter.blocks)) if part)
+    text = "\n".join(part for part in (title, *(_BLOCKS[type(block)](block) for block in chapter.blocks)) if part)
+    return text if chapter.language == "en" else f'<section lang="{chapter.language}">{text}</section>'
 
 
 def _heading(heading: Heading) -> str:
@@ -85,7 +90,26 @@ def _heading(heading: Heading) -> str:
 
 def _paragraph(paragraph: Paragraph) -> str:
     lead = f"<b>{_text(paragraph.lead)}</b> " if paragraph.lead else ""
-    return f"<p>{lead}{_text(paragraph.text)}</p>"
+    return f"<p>{lead}{_linked(paragraph.text, paragraph.links)}</p>"
+
+
+def _linked(text: str, links: Sequence[Link]) -> str:
+    """Text whose parts lead elsewhere."""
+    if not links:
+        return _text(text)
+    first, rest = links[0], links[1:]
+    joint = f'<a href="#{first.target}">{_text(first.words)}</a>'
+    return joint.join(_linked(part, rest) for part in text.split(first.words))
+
+
+def _formula(formula: Formula) -> str:
+    return f'<p class="formula">{mathml(formula.source)}</p>'
+
+
+def _works(works: Works) -> str:
+    items = "".join(f'<li id="{work.anchor}"><span>[{work.number}]</span> {_text(work.text)}</li>'
+                    for work in works.items)
+    return f'<ul class="works">{items}</ul>'
 
 
 def _facts(facts: Facts) -> str:
@@ -200,5 +224,5 @@ def _curves(figure: Curves) -> str:
 
 
 _BLOCKS: dict[type, Callable[[Any], str]] = {
-    Heading: _heading, Paragraph: _paragraph, Facts: _facts, Remarks: _remarks, Terms: _terms, Pointer: _pointer,
-    Table: _table, Pictures: _pictures, Curves: _curves, Listings: _listings}
+    Heading: _heading, Paragraph: _paragraph, Formula: _formula, Works: _works, Facts: _facts, Remarks: _remarks, Terms: _terms,
+    Pointer: _pointer, Table: _table, Pictures: _pictures, Curves: _curves, Listings: _listings}

@@ -1,0 +1,142 @@
+"""The chapter on features: a crop of each side by side, from the images of the studies. What is shown: features.toml."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.report import formats
+from harness.report.bars import signed_bar
+from harness.report.blocks import Asset, Block, Chapter, Paragraph, Picture, PictureRow, Pictures
+from harness.report.chapters.scenes import best_strategy
+from harness.report.figures import pictures
+from harness.report.inputs import Inputs
+from harness.report.texts import read
+from harness.results import StrategyResult, StudyResult
+from harness.samples.estimate import luminance
+
+PLACE = 18
+TITLE, ANCHOR = "Feature by feature", "features"
+# Maps of single pixels saturate at so many standard errors, which one pixel in 16,000 exceeds by chance.
+_REACH = 4.0
+# So many rows share a page.
+_ROWS = 5
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A part of an image, in pixels."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @classmethod
+    def of(cls, parts: list[float], shape: tuple[int, ...]) -> Crop:
+        """From left, top, width and height as parts of an image; one pixel at the least, and inside."""
+        height, width = shape[:2]
+        left, top = min(int(parts[0] * width), width - 1), min(int(parts[1] * height), height - 1)
+        return cls(left, top, min(left + max(round(parts[2] * width), 1), width),
+                   min(top + max(round(parts[3] * height), 1), height))
+
+    def cut(self, image: np.ndarray) -> np.ndarray:
+        """The part of an image (H, W, …)."""
+        return image[self.top:self.bottom, self.left:self.right]
+
+
+def chapters(inputs: Inputs) -> Iterator[Chapter]:
+    """The chapter, with the features whose scenes were studied."""
+    studied = dict(zip((result.scene for result in inputs.results), zip(inputs.results, inputs.stems, strict=True),
+                       strict=True))
+    rows = [_row(feature, *studied[feature["scene"]], number) for number, feature in enumerate(read("features.toml")[
+        "feature"]) if feature["scene"] in studied and _shown(feature, studied[feature["scene"]][0])]
+    if rows:
+        parts = [tuple(rows[start:start + _ROWS]) for start in range(0, len(rows), _ROWS)]
+        figures: list[Block] = [Pictures(_caption(continued=index > 0), part) for index, part in enumerate(parts)]
+        yield Chapter(TITLE, ANCHOR, (Paragraph(_words()), *figures))
+
+
+def _words() -> str:
+    return ("What the handout asks of a tracer, each where it shows: on the left the whole image with a frame, then what is "
+            "in the frame, pixel by pixel, from the tracer, from the reference, and their difference in standard errors of "
+            "each pixel. Were a feature wrong, its outline would show there; noise has none. Of what only saves samples two "
+            "strategies are shown in place of that, which differ in nothing else.")
+
+
+def _caption(*, continued: bool) -> str:
+    if continued:
+        return "Features, continued."
+    return ("Features of the tracer. Images at the scene's exposure and sRGB-encoded. Differences are of luminance, dark "
+            f"blue where the tracer is darker, yellow where it is brighter, to ±{formats.count(_REACH)} standard errors.")
+
+
+def _shown(feature: dict[str, Any], result: StudyResult) -> bool:
+    """Were the strategies studied that the feature is a matter of?"""
+    return {strategy.strategy for strategy in result.strategies} >= set(feature.get("strategies", ()))
+
+
+def _row(feature: dict[str, Any], result: StudyResult, stem: str, number: int) -> PictureRow:
+    crop = Crop.of(feature["crop"], result.reference.mean.shape)
+    whole = _framed(result.reference.mean, crop, result.exposure)
+    first = _picture(f"feature-{number}-whole.png", whole, f"{result.scene}", f"{result.scene} with a frame")
+    by_name = {strategy.strategy: strategy for strategy in result.strategies}
+    names = feature.get("strategies", ())
+    tests = [by_name[name] for name in names] or [best_strategy(result)]
+    shown = [_cropped(strategy, crop, result.exposure, f"feature-{number}-{index}.png")
+             for index, strategy in enumerate(tests)]
+    reference = pictures.display_png(crop.cut(result.reference.mean), result.exposure)
+    shown.append(_picture(f"feature-{number}-reference.png", reference, "Reference", "Reference, cropped"))
+    told = feature["words"]
+    if not names:
+        z = _deviates(tests[0], result, crop)
+        file = f"feature-{number}-deviates.png"
+        shown.append(Picture(Asset(file, pictures.difference_png(z, _REACH)), "Difference", "Deviates of the crop",
+                             signed_bar(f"{formats.count(_REACH)}{formats.NBSP}σ")))
+        told += f"; {_mean_words(tests[0], result, crop)}"
+    return PictureRow((first, *shown), f"{feature['name']}: {told}.")
+
+
+def _cropped(strategy: StrategyResult, crop: Crop, exposure: float, file: str) -> Picture:
+    title = f"{strategy.strategy}, {formats.count(strategy.estimate.samples)} samples"
+    content = pictures.display_png(crop.cut(strategy.estimate.mean), exposure)
+    return _picture(file, content, title, f"{strategy.strategy}, cropped")
+
+
+def _picture(file: str, content: bytes, title: str, alt: str) -> Picture:
+    return Picture(Asset(file, content), title, alt)
+
+
+def _framed(image: np.ndarray, crop: Crop, exposure: float) -> bytes:
+    """The whole image with a frame about the crop, white within black, which shows on any ground."""
+    shown = image.copy()
+    white, k = 2.0**-exposure, max(1, round(max(image.shape[:2]) / 160))
+    for grow, level in ((2 * k, 0.0), (k, white)):
+        top, left = max(crop.top - grow, 0), max(crop.left - grow, 0)
+        bottom, right = crop.bottom + grow, crop.right + grow
+        shown[top:top + k, left:right] = shown[bottom - k:bottom, left:right] = level
+        shown[top:bottom, left:left + k] = shown[top:bottom, right - k:right] = level
+    return pictures.display_png(shown, exposure)
+
+
+def _deviates(strategy: StrategyResult, result: StudyResult, crop: Crop) -> np.ndarray:
+    """Each pixel's difference in luminance over its standard error; NaN without noise."""
+    difference = luminance(crop.cut(strategy.estimate.mean) - crop.cut(result.reference.mean))
+    variance = crop.cut(strategy.estimate.luminance_variance) + crop.cut(result.reference.luminance_variance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(variance > 0, difference / np.sqrt(variance), np.nan)
+
+
+def _mean_words(strategy: StrategyResult, result: StudyResult, crop: Crop) -> str:
+    """The mean over the crop against its standard error: pixels draw their numbers independently."""
+    ours, theirs = (luminance(crop.cut(each.mean)) for each in (strategy.estimate, result.reference))
+    variance = sum(crop.cut(each.luminance_variance).sum() for each in (strategy.estimate, result.reference))
+    sigma = float(np.sqrt(variance)) / theirs.size
+    if not (np.isfinite(sigma) and sigma > 0 and theirs.mean() > 0):
+        return f"mean {formats.significant(float(ours.mean()))} against {formats.significant(float(theirs.mean()))}"
+    error = float(ours.mean() / theirs.mean() - 1)
+    return (f"mean off by {formats.percent(error, sign=True)}, {formats.number(abs(ours.mean() - theirs.mean()) / sigma, 1)} "
+            "standard errors")
