@@ -119,7 +119,7 @@ def _page(graded: Graded, scene: str, points: float) -> Document:
     if graded.pictures:
         row = tuple(Picture(Asset(f"{graded.name}-{number}.png", content), title, f"{title} of {graded.name}")
                     for number, (title, content) in enumerate(graded.pictures))
-        blocks.append(Pictures("At one exposure; in the difference, blue is too dark and red too bright.",
+        blocks.append(Pictures(f"At one exposure; in the difference, {pictures.DARKER} is too dark and {pictures.BRIGHTER} too bright.",
                                (PictureRow(row),)))
     columns = (Column("part"), Column("points", "right"), Column("", share=1.0))
     whole = sum(part.share for part in graded.parts) or 1.0

@@ -73,7 +73,7 @@ def _agreement(inputs: Inputs) -> Iterator[Topic]:
     numbers = {
         "pairs": formats.count(len(judged)), "passed": formats.count(passed), "failed": formats.count(failed),
         "undecided": formats.count(len(judged) - passed - failed),
-        "tolerance": formats.tolerance(max(strategy.verdict.tolerance for _, strategy in judged)),
+        "tolerance": " … ".join(map(formats.tolerance, sorted({s.verdict.tolerance for _, s in judged}))),
         "confidence": formats.share(min(strategy.verdict.confidence for _, strategy in judged)),
         "rate": formats.percent(false_alarms(judged), decimals=1)}
     yield ("right" if passed == len(judged) else "wrong" if failed else "open"), numbers

@@ -134,7 +134,8 @@ def _pictures(exhibit: Exhibit) -> Pictures:
 
 
 def _picture_caption(exhibit: Exhibit, maps: Sequence[ExhibitImage]) -> str:
-    told = {"relative": "relative differences in luminance from Mitsuba, blue where it is darker, red where brighter",
+    told = {"relative": f"relative differences in luminance from Mitsuba, {pictures.DARKER} where it is "
+                        f"darker, {pictures.BRIGHTER} where brighter",
             "deviations": "noise, in standard deviations of each pixel"}
     renders = any(image.unit == "radiance" for image in exhibit.images)
     parts = [*(["as displayed"] if renders else []), *([told[maps[0].unit]] if maps else [])]

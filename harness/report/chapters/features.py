@@ -70,8 +70,11 @@ def _words() -> str:
 def _caption(*, continued: bool) -> str:
     if continued:
         return "Features, continued."
-    return ("Features of the tracer. Images at the scene's exposure and sRGB-encoded. Differences are of luminance, dark "
-            f"blue where the tracer is darker, yellow where it is brighter, to ±{formats.count(_REACH)} standard errors.")
+    return (f"Features of the tracer. Images at the scene's exposure and sRGB-encoded. Differences are of luminance, "
+            f"{pictures.DARKER} where the tracer is darker, {pictures.BRIGHTER} where it is brighter, to "
+            f"±{formats.count(_REACH)} standard errors, {pictures.NOTHING} where there is no noise. Beside a feature's name: "
+            "the error of the mean in the frame, and the furthest deviate of the smaller tiles there; chance takes some "
+            "tile of a scene beyond the bound in brackets as seldom as a verdict fails.")
 
 
 def _shown(feature: dict[str, Any], result: StudyResult) -> bool:
@@ -97,7 +100,7 @@ def _row(feature: dict[str, Any], result: StudyResult, stem: str, number: int) -
         shown.append(Picture(Asset(file, pictures.difference_png(z, _REACH)), "Difference", "Deviates of the crop",
                              signed_bar(f"{formats.count(_REACH)}{formats.NBSP}σ")))
         told += f"; {_mean_words(tests[0], result, crop)}"
-    return PictureRow((first, *shown), f"{feature['name']}: {told}.")
+    return PictureRow((first, *shown), f"{feature['name']}: {told}")
 
 
 def _cropped(strategy: StrategyResult, crop: Crop, exposure: float, file: str) -> Picture:
@@ -131,12 +134,13 @@ def _deviates(strategy: StrategyResult, result: StudyResult, crop: Crop) -> np.n
 
 
 def _mean_words(strategy: StrategyResult, result: StudyResult, crop: Crop) -> str:
-    """The mean over the crop against its standard error: pixels draw their numbers independently."""
-    ours, theirs = (luminance(crop.cut(each.mean)) for each in (strategy.estimate, result.reference))
-    variance = sum(crop.cut(each.luminance_variance).sum() for each in (strategy.estimate, result.reference))
-    sigma = float(np.sqrt(variance)) / theirs.size
-    if not (np.isfinite(sigma) and sigma > 0 and theirs.mean() > 0):
-        return f"mean {formats.significant(float(ours.mean()))} against {formats.significant(float(theirs.mean()))}"
-    error = float(ours.mean() / theirs.mean() - 1)
-    return (f"mean off by {formats.percent(error, sign=True)}, {formats.number(abs(ours.mean() - theirs.mean()) / sigma, 1)} "
-            "standard errors")
+    """The error of the mean over the crop, and the furthest deviate of the smaller tiles that touch it.
+
+    No standard error of the mean: where shapes move, the reference's pixels share their moments, and so their errors.
+    """
+    ours, theirs = (float(luminance(crop.cut(each.mean)).mean()) for each in (strategy.estimate, result.reference))
+    tile, z = strategy.tiles.fine.tile, np.nan_to_num(strategy.tiles.fine.z)
+    inside = z[crop.top // tile:-(-crop.bottom // tile), crop.left // tile:-(-crop.right // tile)]
+    error = formats.percent(ours / theirs - 1, sign=True) if theirs else formats.MISSING
+    return (f"mean {error}, tiles within {formats.number(float(np.abs(inside).max()), 1)}{formats.NBSP}σ "
+            f"(chance: {formats.number(strategy.tiles.fine.critical, 1)})")

@@ -128,8 +128,8 @@ def _maps(inputs: Inputs) -> Pictures:
     rows = tuple(PictureRow(tuple(shown[start:start + IN_ROW])) for start in range(0, len(shown), IN_ROW))
     which = "" if len(first) <= MAPS else f" Shown are the {MAPS} scenes with the smallest ratio of variances."
     return Pictures(
-        f"What is left: the relative difference of each pixel, blue where the tracer is darker, red where it is "
-        f"brighter.{which} Every map has a scale of its own, to the 99th percentile, rounded up; what lies beyond "
+        f"What is left: the relative difference of each pixel, {pictures.DARKER} where the tracer is darker, "
+        f"{pictures.BRIGHTER} where it is brighter.{which} Every map has a scale of its own, to {pictures.ROBUST_WORDS}, rounded up; what lies beyond "
         "saturates. Rounding leaves a fine grain, and faint even patches up to half a part in a million; paths that "
         "part leave single strong pixels. A stronger patch, or the outline of one object, would be an error.", rows)
 

@@ -19,9 +19,9 @@ TITLE, ANCHOR = "Provenance", "provenance"
 
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
-    """The chapter; it begins no page of its own where speed has begun one."""
+    """The chapter, on the page of the limits."""
     tables = provenance_tables(inputs.results, inputs.profile, inputs.elapsed)
-    yield Chapter(TITLE, ANCHOR, tuple(replace(table, long=True) for table in tables), follows_on=bool(inputs.bench))
+    yield Chapter(TITLE, ANCHOR, tuple(replace(table, long=True) for table in tables), follows_on=True)
 
 
 def provenance_tables(results: Sequence[StudyResult], profile: str, elapsed: Mapping[str, float]) -> tuple[Table, ...]:

@@ -143,8 +143,8 @@ def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str) ->
         ("flip", pictures.perceived_png(perceived, flip_limit)))}
     caption = (f"{result.scene}: the GLSL estimate ({best.strategy}, {formats.count(best.estimate.samples)} samples "
                f"per pixel) and the reference ({result.reference_kind}), both at the scene's fixed exposure and "
-               f"sRGB-encoded; their signed relative difference in luminance, blue where GLSL is darker, red where it "
-               f"is brighter; and the FLIP map, mean {formats.number(best.score('flip'), 4)}. "
+               f"sRGB-encoded; their signed relative difference in luminance, {pictures.DARKER} where GLSL is "
+               f"darker, {pictures.BRIGHTER} where it is brighter; and the FLIP map, mean {formats.number(best.score('flip'), 4)}. "
                f"{_scale_words(reference)}")
     tiles: tuple[Picture, ...] = ()
     if len(result.strategies) == 1:
@@ -176,8 +176,8 @@ def _differences(result: StudyResult, maps: Maps, stem: str) -> Pictures:
         signed.append(Picture(files[0], title, f"Signed relative difference of {name}", swatch=swatch))
         noticed.append(Picture(files[1], "", f"FLIP map of {name}"))
     caption = (f"{result.scene}: all strategies at the end of their runs, replicas merged, on common scales. An "
-               "unbiased strategy leaves noise that averages out; an even patch of one colour would be bias. Blue with "
-               "scattered deep red is a heavy tail: rare bright samples carry the light. "
+               "unbiased strategy leaves noise that averages out; an even patch of one colour would be bias. "
+               f"Faint blue with scattered {pictures.BRIGHTER} is a heavy tail: rare bright samples carry the light. "
                f"{_scale_words(result.reference.mean)} {deviates_words(result)}")
     return Pictures(caption, (
         PictureRow(tuple(signed), "Signed relative difference", signed_bar(formats.share(limit))),
@@ -189,7 +189,7 @@ def _scale_words(image: np.ndarray) -> str:
     """How the colour scales were chosen, and that large images are shown smaller."""
     k = pictures.shrink_factor(image)
     reduced = f" Shown averaged over {k} × {k} pixels." if k > 1 else ""
-    return ("Colour scales reach to the 99th percentile, rounded up; what lies beyond saturates." + reduced)
+    return f"Colour scales reach to {pictures.ROBUST_WORDS}, rounded up; what lies beyond saturates.{reduced}"
 
 
 def _reference_title(result: StudyResult) -> str:

@@ -1,22 +1,60 @@
-"""The chapter on speed: the benchmark as a table."""
+"""The chapter on speed: what samples cost on each device, and the benchmark as a table."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from harness.report import formats
-from harness.report.blocks import Cell, Chapter, Column, Mark, Paragraph, Table
+from harness.report.blocks import Block, Cell, Chapter, Column, Mark, Paragraph, Table
 from harness.report.inputs import Inputs
-from harness.results import BenchRow, EntrantRow
+from harness.results import BenchRow, EntrantRow, StudyResult
 
 PLACE = 60
 TITLE, ANCHOR = "Speed", "speed"
 
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
-    """The chapter, where a benchmark was run."""
+    """The chapter, where any time was measured."""
+    blocks: list[Block] = list(_by_device(inputs.results))
     if inputs.bench:
-        yield Chapter(TITLE, ANCHOR, (speed_table(inputs.bench.rows), *_equal_error(inputs.bench.entrants)))
+        blocks += [speed_table(inputs.bench.rows), *_equal_error(inputs.bench.entrants)]
+    if blocks:
+        yield Chapter(TITLE, ANCHOR, tuple(blocks))
+
+
+def _by_device(results: Sequence[StudyResult]) -> Iterator[Table]:
+    """How fast each device drew the samples of the studies: a row a strategy, and one for the reference."""
+    rates: dict[tuple[str, str], list[tuple[float, str]]] = {}
+    for result in results:
+        for strategy in result.strategies:
+            pixels = strategy.estimate.mean[..., 0].size
+            if strategy.device:
+                rates.setdefault((strategy.device, f"tracer, {strategy.strategy}"), []).append(
+                    (pixels / strategy.seconds_per_spp / 1e6, result.scene))
+        cost = result.reference.cost
+        if cost.device and result.reference.samples:
+            drawn = result.reference.samples * result.reference.mean[..., 0].size
+            rates.setdefault((cost.device, f"reference, {result.reference_kind}"), []).append(
+                (drawn / cost.seconds / 1e6, result.scene))
+    rows: list[tuple[Cell, ...]] = []
+    rules: list[int] = []
+    for device in dict.fromkeys(device for device, _ in rates):
+        mine = [(name, found) for (of, name), found in rates.items() if of == device]
+        mine.sort(key=lambda each: each[0].startswith("reference"))
+        rules.append(len(rows))
+        for index, (name, found) in enumerate(mine):
+            first = (Cell(device, rows=len(mine)),) if index == 0 else ()
+            rows.append((*first, Cell(name), Cell(formats.count(len(found))),
+                         Cell(formats.significant(float(np.median([rate for rate, _ in found])), 3)),
+                         *(Cell(f"{formats.significant(rate, 3)} ({scene})") for rate, scene in (min(found), max(found)))))
+    if rows:
+        columns = (Column("Device", share=1), Column("Renderer"), Column("Scenes", "right"),
+                   Column("Middle\nM/s", "right"), Column("Least\nM/s", "right"), Column("Most\nM/s", "right"))
+        yield Table("Samples of the studies by the device that drew them, in millions a second by the clock that counts "
+                    "there: the middle of the scenes, and the extremes. Strategies are shown on different scenes, so "
+                    "rows do not compare; devices never do.", columns, tuple(rows), tuple(rules), long=True)
 
 
 def speed_table(rows: Sequence[BenchRow]) -> Table:

@@ -18,12 +18,17 @@ from harness.samples.memo import remembered_bytes
 # At 41 mm printed width this is 300 dots per inch; larger images are averaged down by a whole factor.
 MAX_PIXELS = 512
 
-DIFFERENCE_MAP = "RdBu_r"  # diverging, safe with red-green blindness; blue: too dark, red: too bright
+# Signed maps: dark blue over grey to yellow, evenly lighter all the way, so that the sign survives a printer without
+# colour and any colour blindness (Nuñez et al. 2018, "Optimizing colormaps with consideration for color vision deficiency").
+DIFFERENCE_MAP = "cividis"
+# What captions call its ends, and what is undefined.
+DARKER, BRIGHTER, NOTHING = "dark blue", "yellow", "white"
 FLIP_MAP = "magma"  # the map of FLIP's authors (Andersson et al. 2020)
-UNDEFINED = np.array([160, 160, 160], dtype=np.uint8)
+UNDEFINED = np.array([255, 255, 255], dtype=np.uint8)
 
 _LEVELS = 255  # of a colour map; the palette's last entry is for what is undefined
-_ROBUST_PERCENTILE = 99.0
+ROBUST_PERCENTILE = 99.0
+ROBUST_WORDS = f"the {ROBUST_PERCENTILE:g}th percentile"
 
 
 def shrink_factor(image: np.ndarray) -> int:
@@ -52,7 +57,7 @@ def difference_map(test: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
 
 def difference_png(difference: np.ndarray, limit: float) -> bytes:
-    """A signed map (H, W) in a diverging colour map from -limit to +limit; grey where it is not finite."""
+    """A signed map (H, W) in a colour map from -limit to +limit; white where it is not finite."""
     return _mapped(0.5 + 0.5 * difference / limit, DIFFERENCE_MAP)
 
 
@@ -89,7 +94,7 @@ def bar_png(name: str) -> bytes:
 def robust_limit(maps: list[np.ndarray], floor: float) -> float:
     """The 99th percentile of the absolute values of all maps together, rounded up to 1, 2 or 5 times a power of ten."""
     values = np.abs(np.concatenate([m[np.isfinite(m)].ravel() for m in maps])) if maps else np.empty(0)
-    limit = float(np.percentile(values, _ROBUST_PERCENTILE)) if values.size else 0.0
+    limit = float(np.percentile(values, ROBUST_PERCENTILE)) if values.size else 0.0
     return round_up(max(limit, floor))
 
 
@@ -100,7 +105,7 @@ def round_up(value: float) -> float:
 
 
 def _mapped(unit: np.ndarray, name: str) -> bytes:
-    """Values (H, W) in [0, 1] through a colour map as PNG; outside saturates, not finite is grey.
+    """Values (H, W) in [0, 1] through a colour map as PNG; outside saturates, not finite is white.
 
     A palette makes the file a third of the size that it would have with three channels.
     """

@@ -17,7 +17,7 @@ _TOKEN = re.compile(r'\s*("[^"]*"|\d+(?:\.\d+)?|[a-z]+(?:\.[a-z]+)+|[A-Za-z]+|<=
 _GREEK = {"alpha": "α", "beta": "β", "epsilon": "ε", "theta": "θ", "lambda": "λ", "nu": "ν", "pi": "π", "rho": "ρ",
           "sigma": "σ", "tau": "τ", "omega": "ω", "Omega": "Ω"}
 _OPERATORS = {"dot": "⋅", "dot.c": "⋅", "times": "×", "plus.minus": "±", "prop": "∝", "approx": "≈", "in": "∈",
-              "integral": "∫", "sum": "∑", "product": "∏", "-": "−", "<=": "≤", ">=": "≥", "dots": "…"}
+              "integral": "∫", "sum": "∑", "product": "∏", "-": "−", "<=": "≤", ">=": "≥", "dots": "…", "slash": "/"}
 _SPACES = {"thin": "0.17em", "quad": "1em"}
 _NAMED = ("max", "min", "log", "cos")
 _WRAPPED: dict[str, Callable[[str], str]] = {
