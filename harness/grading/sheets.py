@@ -29,6 +29,7 @@ from harness.report.blocks import (
     Remarks,
     Table,
 )
+from harness.report.figures.pictures import BRIGHTER, DARKER
 from harness.report.pages.html import html_page
 from harness.samples.json import plain
 
@@ -119,7 +120,7 @@ def _page(graded: Graded, scene: str, points: float) -> Document:
     if graded.pictures:
         row = tuple(Picture(Asset(f"{graded.name}-{number}.png", content), title, f"{title} of {graded.name}")
                     for number, (title, content) in enumerate(graded.pictures))
-        blocks.append(Pictures(f"At one exposure; in the difference, {pictures.DARKER} is too dark and {pictures.BRIGHTER} too bright.",
+        blocks.append(Pictures(f"At one exposure; in the difference, {DARKER} is too dark and {BRIGHTER} too bright.",
                                (PictureRow(row),)))
     columns = (Column("part"), Column("points", "right"), Column("", share=1.0))
     whole = sum(part.share for part in graded.parts) or 1.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from fractions import Fraction
 
 MINUS = "\N{MINUS SIGN}"
 NBSP = "\N{NO-BREAK SPACE}"
@@ -63,6 +64,11 @@ def share(fraction: float, *, unit: bool = True) -> str:
 def tolerance(fraction: float) -> str:
     """A bound that somebody chose on either side: 0.002 -> '±0.2 %'."""
     return f"±{share(fraction)}"
+
+
+def fraction(value: float) -> str:
+    """A ratio of small whole numbers as it is written: −0.75 -> '−3/4', 0.2 -> '1/5'."""
+    return str(Fraction(value).limit_denominator(100)).replace("-", MINUS)
 
 
 def levels(fractions: Iterable[float]) -> str:

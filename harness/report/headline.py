@@ -84,7 +84,8 @@ def _agreement(inputs: Inputs) -> Iterator[Topic]:
                         "strategy": worst.strategy}
     detectable = [float(np.max(strategy.verdict.smallest_detectable)) for _, strategy in judged]
     if np.isfinite(detectable).all():
-        yield "sharp", {"bias": formats.percent(max(detectable)), "median": formats.percent(float(np.median(detectable)))}
+        yield "sharp", {"bias": formats.percent(max(detectable)),
+                        "median": formats.percent(float(np.median(detectable)))}
 
 
 def _convergence(inputs: Inputs) -> Iterator[Topic]:

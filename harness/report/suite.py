@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from harness.report import formats
 from harness.report.blocks import Block, Cell, Column, Heading, Paragraph, Remark, Remarks, Table
-from harness.stats.rates import Rate, Where
-from harness.stats.suites import BIASES, MISSED, PROMISED, GatePower, GateRates, SuiteRates
+from harness.stats.rates import CONFIDENCE, Rate, Where
+from harness.stats.suites import BIASES, FLAKY, MISSED, PROMISED, GatePower, GateRates, SuiteRates
+from harness.stats.tiles import PATCH
 
 TITLE, ANCHOR = "The gates themselves", "gates"
-PLACES: dict[Where, str] = {"everywhere": "of everything", "patch": "in 1 % of the image"}
+PLACES: dict[Where, str] = {"everywhere": "of everything", "patch": f"in {formats.share(PATCH)} of the image"}
 
 
 def suite_blocks(suite: SuiteRates) -> tuple[Block, ...]:
@@ -38,8 +39,8 @@ def _remarks(suite: SuiteRates) -> tuple[Remark, ...]:
                f"{formats.plural(suite.red, 'run')} of {formats.count(suite.runs)}, {_rate(suite.not_green)}.",
                "warning" if flaky else "pass")]
     if flaky:
-        remarks.append(Remark("Undecided more often than in 1 of 1,000 runs on good renders, so in want of samples or "
-                              f"of wider tolerances: {formats.words(flaky)}.", "warning"))
+        remarks.append(Remark(f"Undecided in more than {formats.share(FLAKY)} of runs on good renders, so in want of "
+                              f"samples or of wider tolerances: {formats.words(flaky)}.", "warning"))
     return (*remarks, *(_promise(suite, where) for where in PROMISED))
 
 
@@ -61,12 +62,12 @@ def _table(suite: SuiteRates) -> Table:
              _sure(each, "everywhere"), _sure(each, "patch")) for each in suite.gates]
     caption = (
         f"In percent of {formats.count(suite.runs)} simulated runs of each gate on good renders: false alarms "
-        f"(allowed: {100 * suite.level:.2g} %), runs that ended undecided or whose budget was refused after the "
-        "first look, and the part of the budget that was drawn. Then, in percent of "
-        f"{formats.count(suite.powers[0].trials)} runs with a bias, those that did not pass / those that failed; the "
-        "bias is of all light, or in a square of 1 % of the image at random where the image is shaded. A bias of just "
-        "a gate's tolerance should not pass, but need not fail; without noise, rounding decides that. Last, the "
-        f"smallest bias that passed in no more than {100 * MISSED:g} % of runs, marked where it keeps the promise of "
+        f"(allowed: {100 * suite.level:.2g} %), runs that ended undecided or whose budget was refused after the first "
+        f"look, and the part of the budget that was drawn. Then, in percent of {formats.count(suite.powers[0].trials)} "
+        "runs with a bias, those that did not pass / those that failed; the bias is of all light, or in a square of "
+        f"{formats.share(PATCH)} of the image at random where the image is shaded. A bias of just a gate's tolerance "
+        "should not pass, but need not fail; without noise, rounding decides that. Last, the smallest bias that "
+        f"passed in no more than {100 * MISSED:g} % of runs, marked where it keeps the promise of "
         f"{100 * PROMISED['everywhere']:g} and {100 * PROMISED['patch']:g} %; a dash where several times the tolerance "
         "did not.")
     short: dict[Where, str] = {"everywhere": "of all", "patch": "in patch"}
@@ -96,5 +97,5 @@ def _sure(rates: GateRates, where: Where) -> Cell:
 
 def _rate(rate: Rate) -> str:
     low, high = rate.interval()
-    return (f"{formats.percent(rate.value, decimals=1)} (95{formats.NBSP}% interval "
+    return (f"{formats.percent(rate.value, decimals=1)} ({formats.share(CONFIDENCE)} interval "
             f"{formats.percent(low, decimals=1, unit=False)} to {formats.percent(high, decimals=1)})")

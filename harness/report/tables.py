@@ -11,6 +11,7 @@ from harness.report import formats
 from harness.report.blocks import SYMBOLS, Cell, Column, Mark, Swatch, Table
 from harness.report.figures.style import strategy_style
 from harness.results import StrategyResult, StudyResult
+from harness.stats.bias import POWER
 from harness.stats.channels import CHANNELS, Channel
 from harness.stats.convergence import slope_verdict
 from harness.studies.equal_error import EqualError
@@ -21,6 +22,9 @@ SLOPE_WORDS: dict[Mark, str] = {"pass": "yes", "fail": "no", "inconclusive": "no
 # The Monte Carlo rate that slopes are held against, and by how much a slope's interval may stray from it.
 EXPECTED_SLOPE = -0.5
 SLOPE_TOLERANCE = 0.05
+# Of samples that are spread evenly: what falls how.
+EVEN_SLOPES = ", ".join(f"{formats.fraction(slope)} of {what}" for slope, what in (
+    (-1.0, "smooth pixels"), (-0.75, "edges"), (EXPECTED_SLOPE, "what hangs on many numbers")))
 
 
 def strategy_cell(strategy: StrategyResult) -> Cell:
@@ -73,13 +77,13 @@ def verdict_table(results: Sequence[StudyResult], anchors: Sequence[str]) -> Tab
         "confidence interval. Beside it, each with its tolerance, the verdicts on the mean, on every larger and on "
         f"every smaller tile, in all channels: {SYMBOLS['pass']} shown to lie within, {SYMBOLS['fail']} shown to lie "
         f"outside, {SYMBOLS['inconclusive']} undecided by these samples. Slope: of RMSE against samples per pixel on "
-        f"log axes. The Monte Carlo rate is {formats.MINUS}1/2; yes: the slope's whole interval lies within "
-        f"{formats.number(EXPECTED_SLOPE - SLOPE_TOLERANCE, 2)} … "
-        f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}, no: it lies outside, not shown: it reaches across."
-        f"{_evenly_text(results)}")
+        f"log axes. The Monte Carlo rate is {formats.fraction(EXPECTED_SLOPE)}; yes: the slope's whole interval lies "
+        f"within {formats.number(EXPECTED_SLOPE - SLOPE_TOLERANCE, 2)} … "
+        f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}, no: it lies outside, not shown: it reaches "
+        f"across.{_evenly_text(results)}")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Samples\nper pixel", "right"),
                Column("Mean error", "right"), Column("Mean"), Column("Larger\ntiles"), Column("Smaller\ntiles"),
-               Column("Slope", "right"), Column(f"Slope\n{formats.MINUS}1/2?"))
+               Column("Slope", "right"), Column(f"Slope\n{formats.fraction(EXPECTED_SLOPE)}?"))
     return Table(caption, columns, tuple(rows), tuple(rules), long=True)
 
 
@@ -88,8 +92,7 @@ def _evenly_text(results: Sequence[StudyResult]) -> str:
     steepest = min(min(strategy.expected) for result in results for strategy in result.strategies)
     if steepest >= EXPECTED_SLOPE:
         return ""
-    return (f" Where samples are spread evenly ({formats.MINUS}1 of smooth pixels, {formats.MINUS}3/4 of edges, "
-            f"{formats.MINUS}1/2 of what hangs on many numbers), yes: it lies between "
+    return (f" Where samples are spread evenly ({EVEN_SLOPES}), yes: it lies between "
             f"{formats.number(steepest - SLOPE_TOLERANCE, 2)} and "
             f"{formats.number(EXPECTED_SLOPE + SLOPE_TOLERANCE, 2)}.")
 
@@ -119,7 +122,7 @@ def accuracy_table(result: StudyResult) -> Table:
     caption = (
         f"How close each strategy comes, with all replicas merged. Mean errors in percent of the reference's mean, "
         f"with {confidence} intervals. Detectable: the smallest bias of any channel, in percent, that this many "
-        f"samples would have found with 95 % probability. {_score_words(scores)}"
+        f"samples would have found with {formats.share(POWER)} probability. {_score_words(scores)}"
         "Rejected: samples that were not finite.")
     columns = (Column("Strategy", share=1), *(Column(name.capitalize(), "right") for name in CHANNELS),
                Column("Detectable", "right"),
@@ -159,13 +162,13 @@ def cost_table(result: StudyResult, equal: EqualError) -> Table:
     caption = (
         f"What equal error costs: samples and time with which each strategy reaches an RMSE of "
         f"{formats.significant(equal.rmse)}, the largest that a suitable strategy still has at the end of its run; "
-        f"and how many times less that is than {equal.baseline} needs (above 1: cheaper). Beside it the ratio of the "
+        f"and how many times less that is than {equal.baseline} needs (above one: cheaper). Beside it the ratio of the "
         "variances of one sample, measured at the end of the runs; fewer samples are that ratio where both converge "
-        f"with slope {formats.MINUS}1/2. Intervals over replicas at "
+        f"with slope {formats.fraction(EXPECTED_SLOPE)}. Intervals over replicas at "
         f"{_slope_confidence(equal)} confidence, the replicas of two strategies taken as independent; the fitted power "
         "laws are solved for the error, and the time of one sample is taken as exact. Times "
         "are by the clock that counts on the device, the CPU's or the GPU's.")
-    columns = (Column("Strategy", share=1), Column("Time of\n1 sample/pixel", "right"),
+    columns = (Column("Strategy", share=1), Column("Time of one\nsample/pixel", "right"),
                Column(f"Variance of\n{equal.baseline} / own", "right"), Column("Samples per pixel\nneeded", "right"),
                Column("Time\nneeded", "right"), Column(f"Fewer samples\nthan {equal.baseline}", "right"),
                Column(f"Less time\nthan {equal.baseline}", "right"))

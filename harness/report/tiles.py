@@ -13,6 +13,7 @@ from harness.report.blocks import Asset, Cell, Column, Mark, Picture, PictureRow
 from harness.report.figures import pictures
 from harness.report.tables import strategy_cell
 from harness.results import StrategyResult, StudyResult
+from harness.stats.bias import POWER
 from harness.stats.findings import TileFinding
 from harness.stats.verdicts import TESTS
 
@@ -48,8 +49,8 @@ def tiles_table(result: StudyResult) -> Table:
         "interval in that channel. z: that ratio as a normal deviate; chance exceeds the bound beside it in any tile "
         f"with probability {formats.significant(first.fail_level, 2)}. p: that with which chance lets any tile exceed "
         "the tolerance as clearly as one does; below the same number they fail. Sure to show: the bias that was found "
-        f"with 95{formats.NBSP}% probability, in the median tile and in the least sharp. To decide: how many times the "
-        "samples, of both sides, let an unbiased render pass.")
+        f"with {formats.share(POWER)} probability, in the median tile and in the least sharp. To decide: how many "
+        "times the samples, of both sides, let an unbiased render pass.")
     columns = (Column("Strategy"), Column("Tiles"), Column("Verdict"), Column("Furthest\noff"),
                Column("Error there", share=1), Column("z", "right"), Column("p", "right"),
                Column("Sure to\nshow", "right"), Column("To\ndecide", "right"))
@@ -110,7 +111,7 @@ def tiles_summary(judged: Sequence[Pair], names: str, failed: Sequence[Pair]) ->
                                       "samples that would take.")
     sharp = "" if not np.isfinite(hidden) else (
         f" In half of the pairs a bias of {formats.percent(hidden)} in a smaller tile of median noise would have been "
-        f"found with 95{formats.NBSP}% probability.")
+        f"found with {formats.share(POWER)} probability.")
     remarks.append(Remark(
         f"Every larger tile lies within {bounds[0]} in {passed[0]} of {count}, every smaller one within {bounds[1]} "
         f"in {passed[1]}.{more}{sharp}", mark))
@@ -135,5 +136,5 @@ def _needed(found: TileFinding) -> str:
     if found.outcome != "inconclusive":
         return formats.MISSING
     if not found.needed < _MANY:
-        return f">{formats.NBSP}10⁶{formats.TIMES}"
+        return f">{formats.NBSP}{formats.significant(_MANY, 1)}{formats.TIMES}"
     return f"{formats.significant(max(found.needed, 1.1), 2)}{formats.TIMES}"

@@ -21,7 +21,7 @@ from harness.stats.deviates import critical_deviate
 from harness.stats.levels import Looks
 from harness.stats.needed import factor_to_decide
 from harness.stats.tiles import COARSER, TileSamples, grouped
-from harness.stats.verdicts import BiasVerdict, Tolerance, contrast_outcome, judged
+from harness.stats.verdicts import PASS_LEVEL, BiasVerdict, Tolerance, contrast_outcome, judged
 
 # What summing 64 to 128 samples in float32 leaves, relative to the sum, and systematically: 1e-7 to 5e-7 was measured
 # against closed forms. Two renderers that are both right may differ by it, and no number of samples takes it out.
@@ -43,7 +43,7 @@ class PairedLooking:
     looks: Looks
     tolerance: Tolerance = field(default_factory=lambda: COUPLED)
     fail_level: float = 0.01
-    pass_level: float = 0.05
+    pass_level: float = PASS_LEVEL
 
     def __post_init__(self) -> None:
         check_paired_tolerance(self.tolerance)
@@ -104,7 +104,7 @@ class PairedLooking:
 
 
 def paired_verdict(test: TileSamples, reference: TileSamples, tolerance: Tolerance | None = None, *,
-                   fail_level: float = 0.01, pass_level: float = 0.05,
+                   fail_level: float = 0.01, pass_level: float = PASS_LEVEL,
                    unseen_level: float | None = None) -> BiasVerdict:
     """Is the test equivalent to a reference that draws the same random numbers, as a whole and everywhere?
 

@@ -7,6 +7,9 @@ from typing import Literal
 
 from scipy import special
 
+# Of the intervals of rates, unless the caller says otherwise.
+CONFIDENCE = 0.95
+
 Where = Literal["everywhere", "patch"]
 
 
@@ -22,7 +25,7 @@ class Rate:
         """Hits over trials."""
         return self.hits / self.trials
 
-    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+    def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
         """The exact binomial interval (Clopper and Pearson 1934)."""
         tail = (1 - confidence) / 2
         low = special.betaincinv(self.hits, self.trials - self.hits + 1, tail) if self.hits else 0.0

@@ -11,6 +11,9 @@ import numpy as np
 PATCH = 0.01
 # How many of the smaller tiles a larger one holds along each side; see `tile_size`.
 COARSER = 4
+# Their sides, and those of the larger ones, as parts of the image's.
+SMALLER = PATCH**0.5 / 2
+LARGER = COARSER * SMALLER
 # Batches that an accumulator keeps before it merges neighbours: more add no degrees of freedom that matter.
 MAX_BATCHES = 256
 

@@ -1,4 +1,9 @@
-"""Is a render biased anywhere? Equivalence of the whole image and of its tiles, under heavy and unequal tails."""
+"""Is a render biased anywhere? Equivalence of the whole image and of its tiles, under heavy and unequal tails.
+
+That means of renders be tested as hypotheses: Subr & Arvo 2007, "Statistical Hypothesis Testing for Assessing Monte
+Carlo Estimators"; in pixels and regions, with the variances of both renderers: Jung, Hanika & Dachsbacher 2020,
+"Detecting Bias in Monte Carlo Renderers using Welch's t-test", JCGT 9(2). Here the question is equivalence.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +31,8 @@ from harness.stats.tiles import COARSER, ImageMoments, TileSamples
 
 # How many tests a `BiasVerdict` consists of: the image, larger tiles, smaller tiles.
 TESTS = 3
+# Twice the probability with which a render passes that is off by a tolerance; intervals have the rest as confidence.
+PASS_LEVEL = 0.05
 # The first of these that one of several tests has is the outcome of all.
 GRAVITY: tuple[Outcome, ...] = ("fail", "inconclusive", "pass")
 
@@ -99,7 +106,7 @@ class BiasVerdict:
 
 
 def bias_verdict(test: TileSamples, reference: TileSamples, tolerance: Tolerance | None = None, *,
-                 fail_level: float = 0.01, pass_level: float = 0.05) -> BiasVerdict:
+                 fail_level: float = 0.01, pass_level: float = PASS_LEVEL) -> BiasVerdict:
     """Is the test equivalent to the reference as a whole and everywhere?
 
     The tiles of both are the smaller ones (see `tiles.tile_size`), with four channels. `fail_level`: the probability
@@ -127,7 +134,7 @@ def judged(contrasts: Iterable[Contrast], tile: int, tolerance: Tolerance, *, fa
 
 
 def tile_verdict(test: TileSamples, reference: TileSamples, tolerance: float, *, fail_level: float = 0.01,
-                 pass_level: float = 0.05) -> TileVerdict:
+                 pass_level: float = PASS_LEVEL) -> TileVerdict:
     """Equivalence test of each tile and channel against a reference rendered independently.
 
     A tile's true error exceeds the tolerance τ where T - (1 + τ) R > 0 or T - (1 - τ) R < 0 for the means T and R of

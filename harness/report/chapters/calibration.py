@@ -10,7 +10,9 @@ from harness.report.figures.power import power_svg
 from harness.report.inputs import Inputs
 from harness.report.suite import PLACES, suite_blocks
 from harness.stats.calibration import SUBJECTS, Calibration, FalseAlarms, Power, by_case
-from harness.stats.rates import Rate, Where
+from harness.stats.rates import CONFIDENCE, Rate, Where
+from harness.stats.synthetic import BRIGHTNESS, LOGNORMAL_SIGMA, RARITY
+from harness.stats.tiles import LARGER, PATCH, SMALLER
 
 PLACE = 40
 TITLE, ANCHOR = "How far the verdicts can be trusted", "calibration"
@@ -33,23 +35,25 @@ def _introduction(calibration: Calibration) -> str:
     return (
         "A verdict is worth what its error rates are, so they are measured: on pairs of estimates that have the same "
         "mean, where every alarm is false, and on the same pairs with a known gain, which should be found. Some "
-        "estimators are made up, with samples that are normal, lognormal (σ = 2), or fireflies (one in 10,000 is 1,000 "
-        f"times as bright); in {formats.plural(rendered, 'case')} the tracer renders a scene with two strategies. An "
-        "image is tested as a whole, in tiles of 1/5 of its side and in tiles of 1/20. Differences are studentized "
-        "with variances from batch means on both sides (Welch), corrected for skewness by Hall's transformation "
-        "(1992), and each tile's variance is at least that of the tiles around, for one that has not seen its rare "
-        "bright sample cannot know of it. Tests share an error rate by Šidák's formula; looks at growing samples share "
-        "it in proportion to the samples drawn.")
+        f"estimators are made up, with samples that are normal, lognormal (σ = {LOGNORMAL_SIGMA:g}), or fireflies (a "
+        f"share of {formats.significant(RARITY, 1)} is {formats.count(BRIGHTNESS)} times as bright); in "
+        f"{formats.plural(rendered, 'case')} the tracer renders a scene with two strategies. An image is tested as a "
+        f"whole, in tiles of {formats.fraction(LARGER)} of its side and in tiles of {formats.fraction(SMALLER)}. "
+        "Differences are studentized with variances from batch means on both sides (Welch), corrected for skewness by "
+        "Hall's transformation, and each tile's variance is at least that of the tiles around, for one that has not "
+        "seen its rare bright sample cannot know of it. Tests share an error rate by Šidák's formula; looks at "
+        "growing samples share it in proportion to the samples drawn.")
 
 
 def _power(calibration: Calibration) -> Curves:
     deciding = _deciding(calibration.powers)
     svg, names = power_svg(calibration.powers)
     caption = (
-        "What the verdicts make of a gain. Left: of everything, middle: of a square of 1 % of the image at a random "
-        f"place, under the default tolerances (dotted lines), on {deciding} ({calibration.cases[deciding]}). Right: "
-        f"without tolerance, on {formats.words(names)} (the samples of the table); solid of everything that is not "
-        "seen directly, dashed of the square. Bands are 95 % binomial intervals.")
+        f"What the verdicts make of a gain. Left: of everything, middle: of a square of {formats.share(PATCH)} of the "
+        f"image at a random place, under the default tolerances (dotted lines), on {deciding} "
+        f"({calibration.cases[deciding]}). Right: without tolerance, on {formats.words(names)} (the samples of the "
+        "table); solid of everything that is not seen directly, dashed of the square. Bands are "
+        f"{formats.share(CONFIDENCE)} binomial intervals.")
     return Curves(caption, Asset(FIGURE_FILE, svg),
                   "Shares of comparisons that passed, and that failed, against the gain")
 
@@ -67,10 +71,10 @@ def _table(calibration: Calibration) -> Table:
     trials, size = calibration.alarms[0].trials, calibration.facts["image size"].replace("x", "×")
     caption = (
         f"False alarms in percent of {formats.count(trials)} independent null comparisons of each case (test / "
-        "reference), with 95 % binomial intervals (Clopper and Pearson), beside the rate that was asked for at the "
-        "most. Without tolerance, at few samples, where tails are heaviest: "
-        f"{formats.words(counts)}, images of {size} pixels. The verdict is of all "
-        "three tests together; with looks it is taken at a quarter, a half and all of the samples.")
+        f"reference), with {formats.share(CONFIDENCE)} binomial intervals (Clopper and Pearson), beside the rate that "
+        "was asked for at the most. Without tolerance, at few samples, where tails are heaviest: "
+        f"{formats.words(counts)}, images of {size} pixels. The verdict is of all three tests together; with looks it "
+        "is taken at a quarter, a half and all of the samples.")
     columns = (Column("Case", share=1), Column("Asked", "right"),
                *(Column(subject.capitalize().replace(" ", "\n", 1), "right") for subject in SUBJECTS))
     return Table(caption, columns, tuple(rows), tuple(rules))
@@ -98,11 +102,11 @@ def _coupled(calibration: Calibration) -> tuple[Block, ...]:
                            for hits in (each.passed, each.failed)),
                          Cell(formats.percent(each.share, decimals=0, unit=False))))
     caption = (
-        "Verdicts on differences, of made-up pairs that share their random numbers, of which 2 samples in a million "
-        f"part: what became of biases, in percent of {formats.count(calibration.coupled[0].trials)} comparisons; the "
-        "others were undecided. A pass allows for partings that no sample has shown yet, for which few samples of a "
-        "smaller tile leave no room. Bias: in parts in a million, and in tolerances, of the mean or of a smaller tile.")
-    columns = (Column("Replicas, tolerances", share=1), Column("Bias"), Column("In 10⁶", "right"),
+        "Verdicts on differences, of made-up pairs that share their random numbers, of which few samples part: what "
+        f"became of biases, in percent of {formats.count(calibration.coupled[0].trials)} comparisons; the others were "
+        "undecided. A pass allows for partings that no sample has shown yet, for which few samples of a smaller tile "
+        "leave no room. Bias: in parts in a million, and in tolerances, of the mean or of a smaller tile.")
+    columns = (Column("Replicas, tolerances", share=1), Column("Bias"), Column("In a\nmillion", "right"),
                Column("In\ntolerances", "right"), Column("Passed", "right"), Column("Failed", "right"),
                Column("Budget\nin %", "right"))
     return (Table(caption, columns, tuple(rows), tuple(rules), long=True),)
@@ -140,7 +144,9 @@ def _power_remarks(powers: Sequence[Power]) -> list[Remark]:
     case = _deciding(powers)
     mine = [each for each in powers if each.case == case]
     remarks = []
-    for where, place in (("everywhere", "of everything"), ("patch", "in a square of 1 % of the image")):
+    for where, place in (("everywhere", "of "
+                                        "everything"), ("patch", f"in a square of {formats.share(PATCH)} of the "
+                                                                 "image")):
         gains = sorted((each for each in mine if each.where == where and each.gain > 0), key=lambda each: each.gain)
         known = {each.gain: each for each in gains}
         tolerance = gains[0].tolerance

@@ -32,12 +32,12 @@ def chapters(inputs: Inputs) -> Iterator[Chapter]:
 
 def _words() -> Paragraph:
     return paragraph(
-        "Were both images right and their noise normal, then each pixel's difference, over its own standard error, would "
-        "be a draw from the normal distribution N(0, 1): a bias shifts the histogram, an error in some places widens it or "
-        "lifts its tails [jung2020]. Variances are measured from the batches of both sides, pixel by pixel. Where few "
-        "paths of a pixel carry most of its light, single pixels are not normal, and the histogram leans or narrows "
-        "though nothing is wrong; therefore verdicts are made of means over many pixels and correct for skewness, and "
-        "none is made of these.")
+        "Were both images right and their noise normal, then each pixel's difference, over its own standard error, "
+        "would be a draw from the normal distribution N(0, 1): a bias shifts the histogram, an error in some places "
+        "widens it or lifts its tails [jung2020]. Variances are measured from the batches of both sides, pixel by "
+        "pixel. Where few paths of a pixel carry most of its light, single pixels are not normal, and the histogram "
+        "leans or narrows though nothing is wrong; therefore verdicts are made of means over many pixels and correct "
+        "for skewness, and none is made of these.")
 
 
 def _remarks(shown: Sequence[Deviates]) -> tuple[Remark, ...]:
@@ -47,16 +47,17 @@ def _remarks(shown: Sequence[Deviates]) -> tuple[Remark, ...]:
     off = [scene for spread, scene in spreads if abs(spread - 1) > _OFF]
     return (Remark(
         f"Of {formats.count(pixels)} pixels with noise {formats.percent(beyond, decimals=2)} lie beyond "
-        f"±{formats.count(_FAR)} standard errors; normal noise would put {formats.percent(2 * one_sided(_FAR), decimals=2)} "
-        f"there. The root mean square of a scene's deviates is {formats.number(spreads[0][0], 2)} ({spreads[0][1]}) to "
-        f"{formats.number(spreads[-1][0], 2)} ({spreads[-1][1]})"
+        f"±{formats.count(_FAR)} standard errors; normal noise would put "
+        f"{formats.percent(2 * one_sided(_FAR), decimals=2)} there. The root mean square of a scene's deviates is "
+        f"{formats.number(spreads[0][0], 2)} ({spreads[0][1]}) to {formats.number(spreads[-1][0], 2)} "
+        f"({spreads[-1][1]})"
         + (f"; off by more than {formats.number(_OFF, 2)}: {formats.words(off)}." if off else ".")),)
 
 
 def _figure(shown: Sequence[Deviates]) -> Curves:
     caption = (
-        "Deviates of pixels in luminance, of each scene's least noisy strategy, all replicas merged, against the reference "
-        "(grey), and the density of N(0, 1) (dashed). What lies beyond the axis is in the outermost bins. Spread: root "
-        "mean square.")
+        "Deviates of pixels in luminance, of each scene's least noisy strategy, all replicas merged, against the "
+        "reference (grey), and the density of N(0, 1) (dashed). What lies beyond the axis is in the outermost bins. "
+        "Spread: root mean square.")
     names = formats.words([deviates.scene for deviates in shown])
     return Curves(caption, Asset("deviates.svg", deviates_svg(shown)), f"Histograms of pixels' deviates of {names}")

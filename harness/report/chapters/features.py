@@ -1,4 +1,4 @@
-"""The chapter on features: a crop of each side by side, from the images of the studies. What is shown: features.toml."""
+"""The chapter on features: a crop of each side by side, from the studies' images. What is shown: features.toml."""
 
 from __future__ import annotations
 
@@ -61,20 +61,20 @@ def chapters(inputs: Inputs) -> Iterator[Chapter]:
 
 
 def _words() -> str:
-    return ("What the handout asks of a tracer, each where it shows: on the left the whole image with a frame, then what is "
-            "in the frame, pixel by pixel, from the tracer, from the reference, and their difference in standard errors of "
-            "each pixel. Were a feature wrong, its outline would show there; noise has none. Of what only saves samples two "
-            "strategies are shown in place of that, which differ in nothing else.")
+    return ("What the handout asks of a tracer, each where it shows: on the left the whole image with a frame, then "
+            "what is in the frame, pixel by pixel, from the tracer, from the reference, and their difference in "
+            "standard errors of each pixel. Were a feature wrong, its outline would show there; noise has none. Of "
+            "what only saves samples two strategies are shown in place of that, which differ in nothing else.")
 
 
 def _caption(*, continued: bool) -> str:
     if continued:
         return "Features, continued."
-    return (f"Features of the tracer. Images at the scene's exposure and sRGB-encoded. Differences are of luminance, "
+    return ("Features of the tracer. Images at the scene's exposure and sRGB-encoded. Differences are of luminance, "
             f"{pictures.DARKER} where the tracer is darker, {pictures.BRIGHTER} where it is brighter, to "
-            f"±{formats.count(_REACH)} standard errors, {pictures.NOTHING} where there is no noise. Beside a feature's name: "
-            "the error of the mean in the frame, and the furthest deviate of the smaller tiles there; chance takes some "
-            "tile of a scene beyond the bound in brackets as seldom as a verdict fails.")
+            f"±{formats.count(_REACH)} standard errors, {pictures.NOTHING} where there is no noise. Beside a feature's "
+            "name: the error of the mean in the frame, and the furthest deviate of the smaller tiles there; chance "
+            "takes some tile of a scene beyond the bound in brackets as seldom as a verdict fails.")
 
 
 def _shown(feature: dict[str, Any], result: StudyResult) -> bool:

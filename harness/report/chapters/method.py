@@ -1,4 +1,4 @@
-"""The chapter on the method: estimator, material, densities, matching, verdicts. Its words and formulas: method.toml."""
+"""The chapter on the method: estimator, material, densities, matching, verdicts. Words and formulas: method.toml."""
 
 from __future__ import annotations
 

@@ -28,7 +28,12 @@ from harness.report.figures import pictures
 from harness.report.figures.style import strategy_style
 from harness.report.inputs import Inputs
 from harness.results import AutopsyScore, CoupledRecord, NamedMutant
-from harness.studies.oracle import OracleFile, OracleTiles
+from harness.stats.agreement import THRESHOLD
+from harness.stats.bias import POWER
+from harness.stats.rates import CONFIDENCE
+from harness.stats.verdicts import PASS_LEVEL
+from harness.studies.coupled import PARTED
+from harness.studies.oracle import FALSE_ALARMS, OracleFile, OracleTiles
 
 PLACE = 45
 TITLE, ANCHOR = "Under the microscope", "microscope"
@@ -109,10 +114,11 @@ def _table(records: Sequence[CoupledRecord]) -> Table:
     caption = (
         "Scenes and strategies, tracer against oracle, in luminance. Variance: that of a pixel over that of its "
         "difference; none where all samples of a pixel agree. Differ: of single samples, those off by more than "
-        f"{formats.share(0.001)} of themselves in some channel; part: those of them off by more "
-        f"than {formats.share(0.01)} of the image's mean; where none was seen, what the share is below, at 95 % "
-        "confidence. Mean difference: of the image, relative, in parts in a million, with its 95 % interval, "
-        "which also allows for what no sample has shown yet. Drawn: replicas × samples per pixel.")
+        f"{formats.share(THRESHOLD)} of themselves in some channel; part: those of them off by more than "
+        f"{formats.share(PARTED)} of the image's mean; where none was seen, what the share is below, at "
+        f"{formats.share(CONFIDENCE)} confidence. Mean difference: of the image, relative, in parts in a million, with "
+        f"its {formats.share(1 - PASS_LEVEL)} interval, which also allows for what no sample has shown yet. Drawn: "
+        "replicas × samples per pixel.")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Variance\nratio", "right"),
                Column("Differ", "right"), Column("Part", "right"), Column("Mean difference\nin a million", "right"),
                Column("Drawn", "right"), Column("Seconds", "right"))
@@ -129,9 +135,10 @@ def _maps(inputs: Inputs) -> Pictures:
     which = "" if len(first) <= MAPS else f" Shown are the {MAPS} scenes with the smallest ratio of variances."
     return Pictures(
         f"What is left: the relative difference of each pixel, {pictures.DARKER} where the tracer is darker, "
-        f"{pictures.BRIGHTER} where it is brighter.{which} Every map has a scale of its own, to {pictures.ROBUST_WORDS}, rounded up; what lies beyond "
-        "saturates. Rounding leaves a fine grain, and faint even patches up to half a part in a million; paths that "
-        "part leave single strong pixels. A stronger patch, or the outline of one object, would be an error.", rows)
+        f"{pictures.BRIGHTER} where it is brighter.{which} Every map has a scale of its own, to "
+        f"{pictures.ROBUST_WORDS}, rounded up; what lies beyond saturates. Rounding leaves a fine grain, and faint "
+        "even patches up to half a part in a million; paths that part leave single strong pixels. A stronger patch, "
+        "or the outline of one object, would be an error.", rows)
 
 
 def _map(record: CoupledRecord, stem: str) -> Picture:
@@ -144,7 +151,7 @@ def _map(record: CoupledRecord, stem: str) -> Picture:
 
 def _limit(limit: float) -> str:
     """A part of one as a percentage, or in a million where that is short."""
-    return formats.share(limit) if limit >= 1e-4 else f"{limit * 1e6:g} in 10⁶"
+    return formats.share(limit) if limit >= 1e-4 else f"{limit * 1e6:g} in a million"
 
 
 def _ratio(ratio: float) -> str:
@@ -184,7 +191,8 @@ def _oracle_remarks(found: OracleFile) -> tuple[Remark, ...]:
     widest = max((abs(bound) for record in found.records for bound in record.error[1:]), default=0.0)
     return (Remark(f"In {scenes} nothing differs by more than chance explains, neither the image nor its larger and "
                    f"its smaller tiles; each mean is within "
-                   f"{formats.significant(100 * widest, 2)}{formats.NBSP}% (95 % confidence).", "pass"),)
+                   f"{formats.significant(100 * widest, 2)}{formats.NBSP}% ({formats.share(1 - PASS_LEVEL)} "
+                   "confidence).", "pass"),)
 
 
 def _oracle_table(found: OracleFile) -> Table:
@@ -196,9 +204,10 @@ def _oracle_table(found: OracleFile) -> Table:
             for record in found.records]
     caption = (
         f"The oracle against path. Samples: per pixel, of images at most {side} pixels wide or high. Mean difference: "
-        "in luminance, relative, in parts in a million, with its 95 % interval. Deviate: of the mean, and the clearest "
-        "of all larger and of all smaller tiles, in standard errors; in brackets what chance exceeds in one of a "
-        "hundred such tables. Sure: the bias that the tile in which it is hardest to see was sure (95 %) to show.")
+        f"in luminance, relative, in parts in a million, with its {formats.share(1 - PASS_LEVEL)} interval. Deviate: "
+        "of the mean, and the clearest of all larger and of all smaller tiles, in standard errors; in brackets what "
+        f"chance exceeds in {formats.share(FALSE_ALARMS)} of such tables. Sure: the bias that the tile in which it is "
+        f"hardest to see was sure ({formats.share(POWER)}) to show.")
     columns = (Column("Scene", share=1), Column("Strategy"), Column("Samples,\noracle", "right"),
                Column("path", "right"), Column("Mean difference\nin a million", "right"),
                Column("Deviate,\nmean", "right"), Column("larger\ntiles", "right"), Column("smaller\ntiles", "right"),

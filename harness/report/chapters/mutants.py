@@ -29,7 +29,7 @@ def _introduction(record: KillRecord) -> str:
         "handout, in a bug report of a public renderer, or made small on purpose, to measure how small a defect "
         "may be. Each was put into the shader by itself, and the gates were run. A gate that passes tells little; "
         "that it fails when it should, is what this chapter shows. Image gates compare renders with the reference: "
-        "all of them at a glance, at 32 samples per pixel, and the one that should notice the defect, or all if "
+        "all of them at a glance, with few samples, and the one that should notice the defect, or all if "
         "none has yet, with as much as it takes. Test modules evaluate one part of the shader library.")
 
 

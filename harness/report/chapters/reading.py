@@ -2,34 +2,39 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 
 from harness.metrics import shown_in
 from harness.report import formats
 from harness.report.blocks import SYMBOLS, Chapter, Term, Terms
+from harness.report.headline import false_alarms, judged_pairs
 from harness.report.inputs import Inputs
+from harness.report.tables import EXPECTED_SLOPE
+from harness.report.texts import filled, read
+from harness.stats.tiles import LARGER, PATCH
 
 PLACE = 10
 TITLE, ANCHOR = "How to read this", "reading"
-_GLOSSARY = Path(__file__).with_name("glossary.toml")
+_GLOSSARY = "glossary.toml"
 
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
-    """The chapter, the same for all inputs."""
-    yield Chapter(TITLE, ANCHOR, (Terms(glossary()),))
+    """The chapter, with the rate of false alarms of these verdicts."""
+    judged = judged_pairs(inputs.results)
+    gaps = {**SYMBOLS, "larger": formats.fraction(LARGER), "patch": formats.share(PATCH),
+            "slope": formats.fraction(EXPECTED_SLOPE), "rate": formats.percent(false_alarms(judged), decimals=1)}
+    yield Chapter(TITLE, ANCHOR, (Terms(glossary(gaps)),))
 
 
-def glossary() -> tuple[Term, ...]:
-    """Every term with its meaning, lines joined and marks in place; metrics that have none, from their registry."""
+def glossary(gaps: Mapping[str, str]) -> tuple[Term, ...]:
+    """Every term with its meaning, lines joined and gaps filled; metrics that have none, from their registry."""
     terms: list[Term] = []
-    held = tomllib.loads(_GLOSSARY.read_text(encoding="utf-8"))["term"]
+    held = read(_GLOSSARY)["term"]
     for term in held:
         if term["name"] == "metrics":
             terms += [Term(metric.heading, " ".join(filter(None, (
                 formats.sentence(metric.sentence), metric.explanation, f"{metric.better.capitalize()} is better."))))
                 for metric in shown_in("report") if metric.heading not in {each["name"] for each in held}]
         else:
-            terms.append(Term(term["name"], " ".join(term["meaning"].format_map(SYMBOLS).split("\n")).strip()))
+            terms.append(Term(term["name"], filled(term["meaning"], gaps, _GLOSSARY)))
     return tuple(terms)

@@ -30,7 +30,7 @@ from harness.report.figures import pictures
 from harness.report.figures.convergence import curves_svg
 from harness.report.figures.style import strategy_style
 from harness.report.inputs import Inputs
-from harness.report.tables import accuracy_table, cost_table, is_exact
+from harness.report.tables import EXPECTED_SLOPE, accuracy_table, cost_table, is_exact
 from harness.report.tiles import deviates_row, deviates_words, failures, tiles_table
 from harness.results import StrategyResult, StudyResult
 from harness.stats.channels import Channel
@@ -143,9 +143,9 @@ def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str) ->
         ("flip", pictures.perceived_png(perceived, flip_limit)))}
     caption = (f"{result.scene}: the GLSL estimate ({best.strategy}, {formats.count(best.estimate.samples)} samples "
                f"per pixel) and the reference ({result.reference_kind}), both at the scene's fixed exposure and "
-               f"sRGB-encoded; their signed relative difference in luminance, {pictures.DARKER} where GLSL is "
-               f"darker, {pictures.BRIGHTER} where it is brighter; and the FLIP map, mean {formats.number(best.score('flip'), 4)}. "
-               f"{_scale_words(reference)}")
+               f"sRGB-encoded; their signed relative difference in luminance, {pictures.DARKER} where GLSL is darker, "
+               f"{pictures.BRIGHTER} where it is brighter; and the FLIP map, mean "
+               f"{formats.number(best.score('flip'), 4)}. {_scale_words(reference)}")
     tiles: tuple[Picture, ...] = ()
     if len(result.strategies) == 1:
         row = deviates_row(result, stem)
@@ -156,7 +156,7 @@ def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str) ->
         Picture(files["reference"], _reference_title(result), f"Reference render of {result.scene}"),
         Picture(files["difference"], "Relative difference", f"Signed relative difference, within ±{limit:g}",
                 signed_bar(formats.share(limit))),
-        Picture(files["flip"], "FLIP", f"FLIP map from 0 to {flip_limit:g}", flip_bar(flip_limit)),
+        Picture(files["flip"], "FLIP", f"FLIP map up to {flip_limit:g}", flip_bar(flip_limit)),
         *tiles)),))
 
 
@@ -201,9 +201,9 @@ def _curves(result: StudyResult, stem: str) -> Curves:
     level = formats.levels(strategy.verdict.confidence for strategy in result.strategies)
     caption = (f"{result.scene}: convergence of each strategy. Lines are means over the replicas (geometric for RMSE "
                f"and 1 − SSIM), bands their {level} confidence intervals. Left: RMSE; grey diagonals fall with slope "
-               f"{formats.MINUS}1/2. Middle: mean error; the shaded strip is the tolerance, inside which the axis is "
-               "linear, outside logarithmic; the points at the right are the verdicts, all replicas merged, with their "
-               f"intervals. Right: SSIM.{_fit_words(result)}")
+               f"{formats.fraction(EXPECTED_SLOPE)}. Middle: mean error; the shaded strip is the tolerance, inside "
+               "which the axis is linear, outside logarithmic; the points at the right are the verdicts, all replicas "
+               f"merged, with their intervals. Right: SSIM.{_fit_words(result)}")
     names = formats.words([strategy.strategy for strategy in result.strategies])
     return Curves(caption, file, f"RMSE, mean error and SSIM of {names} against samples per pixel")
 

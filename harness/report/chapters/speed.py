@@ -10,6 +10,7 @@ from harness.report import formats
 from harness.report.blocks import Block, Cell, Chapter, Column, Mark, Paragraph, Table
 from harness.report.inputs import Inputs
 from harness.results import BenchRow, EntrantRow, StudyResult
+from harness.stats.rates import CONFIDENCE
 
 PLACE = 60
 TITLE, ANCHOR = "Speed", "speed"
@@ -48,13 +49,14 @@ def _by_device(results: Sequence[StudyResult]) -> Iterator[Table]:
             first = (Cell(device, rows=len(mine)),) if index == 0 else ()
             rows.append((*first, Cell(name), Cell(formats.count(len(found))),
                          Cell(formats.significant(float(np.median([rate for rate, _ in found])), 3)),
-                         *(Cell(f"{formats.significant(rate, 3)} ({scene})") for rate, scene in (min(found), max(found)))))
+                         *(Cell(f"{formats.significant(rate, 3)} "
+                                f"({scene})") for rate, scene in (min(found), max(found)))))
     if rows:
         columns = (Column("Device", share=1), Column("Renderer"), Column("Scenes", "right"),
                    Column("Middle\nM/s", "right"), Column("Least\nM/s", "right"), Column("Most\nM/s", "right"))
-        yield Table("Samples of the studies by the device that drew them, in millions a second by the clock that counts "
-                    "there: the middle of the scenes, and the extremes. Strategies are shown on different scenes, so "
-                    "rows do not compare; devices never do.", columns, tuple(rows), tuple(rules), long=True)
+        yield Table("Samples of the studies by the device that drew them, in millions a second by the clock that "
+                    "counts there: the middle of the scenes, and the extremes. Strategies are shown on different "
+                    "scenes, so rows do not compare; devices never do.", columns, tuple(rows), tuple(rules), long=True)
 
 
 def speed_table(rows: Sequence[BenchRow]) -> Table:
@@ -87,8 +89,9 @@ def _equal_error(rows: Sequence[EntrantRow]) -> Iterator[Paragraph | Table]:
         f"({most.scene}, {most.strategy} {most.sampler}) as soon.")
     caption = (
         "The same error, by the clock that counts: 1 / (variance of a replica × time), in turns in one run, as a "
-        "multiple of Mitsuba's path integrator with its best sampler, which is named, and the 95"
-        f"{formats.NBSP}% interval. Variance is that of whole replicas, since samples of one depend on each other.")
+        "multiple of Mitsuba's path integrator with its best sampler, which is named, and the "
+        f"{formats.share(CONFIDENCE)} interval. Variance is that of whole replicas, since samples of one depend on "
+        "each other.")
     samplers = list(dict.fromkeys(row.sampler for row in rows if row.renderer == "tracer"))
     columns = (Column("Scene", share=1), Column("Mitsuba's best"), Column("Strategy"),
                *(Column(sampler, "right") for sampler in samplers), Column("Best"))

@@ -21,6 +21,7 @@ from harness.report.tables import (
 )
 from harness.report.tiles import tiles_summary
 from harness.results import StrategyResult, StudyResult
+from harness.stats.bias import POWER
 from harness.stats.channels import Channel
 from harness.studies.equal_error import Cost, equal_error
 
@@ -103,7 +104,7 @@ def _sharpness(judged: Sequence[Pair]) -> list[Remark]:
         elsewhere = "everywhere else" if not blind else "wherever else the variance is known"
         remarks.append(Remark(
             f"Where the test is least sharp ({scene}, {strategy}) these samples would have revealed a bias of "
-            f"{formats.percent(size)} with 95{formats.NBSP}% probability, and smaller ones {elsewhere}."))
+            f"{formats.percent(size)} with {formats.share(POWER)} probability, and smaller ones {elsewhere}."))
     return remarks
 
 
@@ -118,9 +119,9 @@ def _convergence(judged: Sequence[Pair]) -> list[Remark]:
     around = sum(slope.low <= EXPECTED_SLOPE <= slope.high and np.isfinite(slope.low) for _, slope in fitted)
     spread = f", from {formats.number(min(slopes), 3)} to {formats.number(max(slopes), 3)}"
     mark: Mark = "fail" if "fail" in marks else "pass" if passed == len(marks) else "inconclusive"
-    text = (f"RMSE falls with samples as Monte Carlo promises (slope {formats.MINUS}1/2 ± "
+    text = (f"RMSE falls with samples as Monte Carlo promises (slope {formats.fraction(EXPECTED_SLOPE)} ± "
             f"{formats.number(SLOPE_TOLERANCE, 2)}) for {passed} of {formats.plural(len(fitted), 'fitted slope')}"
-            f"{spread}; the intervals of {around} contain {formats.MINUS}1/2.")
+            f"{spread}; the intervals of {around} contain {formats.fraction(EXPECTED_SLOPE)}.")
     for each, word in (("fail", "Not so"), ("inconclusive", "Not shown")):
         named = [pair for (pair, _), found in zip(fitted, marks, strict=True) if found == each]
         text += f" {word}: {_names(named)}." if named else ""

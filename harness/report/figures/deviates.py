@@ -90,7 +90,8 @@ def _panel(axes: Axes, deviates: Deviates) -> None:
     axes.stairs(density, edges, fill=True, color=_FILL, zorder=1)
     axes.stairs(density, edges, color=_EDGE, linewidth=0.6, zorder=2)
     x = np.linspace(-REACH, REACH, 161)
-    axes.plot(x, np.exp(-x**2 / 2) / np.sqrt(2 * np.pi), color="black", linewidth=1.0, linestyle=(0, (3, 1.5)), zorder=3)
+    axes.plot(x, np.exp(-x**2 / 2) / np.sqrt(2 * np.pi), color="black", linewidth=1.0, linestyle=(0, (3, 1.5)),
+              zorder=3)
     axes.set_xlim(-REACH, REACH)
     axes.set_ylim(0, 0.52)
     axes.xaxis.set_major_locator(FixedLocator([-4, -2, 0, 2, 4]))

@@ -19,7 +19,8 @@ from harness.samples.memo import remembered_bytes
 MAX_PIXELS = 512
 
 # Signed maps: dark blue over grey to yellow, evenly lighter all the way, so that the sign survives a printer without
-# colour and any colour blindness (Nuñez et al. 2018, "Optimizing colormaps with consideration for color vision deficiency").
+# colour and any colour blindness (Nuñez et al. 2018, "Optimizing colormaps with consideration for color vision
+# deficiency to enable accurate interpretation of scientific data").
 DIFFERENCE_MAP = "cividis"
 # What captions call its ends, and what is undefined.
 DARKER, BRIGHTER, NOTHING = "dark blue", "yellow", "white"

@@ -224,5 +224,5 @@ def _curves(figure: Curves) -> str:
 
 
 _BLOCKS: dict[type, Callable[[Any], str]] = {
-    Heading: _heading, Paragraph: _paragraph, Formula: _formula, Works: _works, Facts: _facts, Remarks: _remarks, Terms: _terms,
-    Pointer: _pointer, Table: _table, Pictures: _pictures, Curves: _curves, Listings: _listings}
+    Heading: _heading, Paragraph: _paragraph, Formula: _formula, Works: _works, Facts: _facts, Remarks: _remarks,
+    Terms: _terms, Pointer: _pointer, Table: _table, Pictures: _pictures, Curves: _curves, Listings: _listings}

@@ -102,7 +102,7 @@ class TestSuite:
         assert red.mark == "warning" and f"in {failed + 10}\xa0runs of 1,000" in red.text
         assert flaky.text.endswith("wider tolerances: blind (1.0\xa0%).")
         assert "0.2\xa0% of everything is sure to be noticed by 1 of 2\xa0gates: sharp." in everywhere.text
-        assert "5\xa0% in 1 % of the image is sure to be noticed by 1 of 2\xa0gates: sharp." in patch.text
+        assert "5\xa0% in 1\xa0% of the image is sure to be noticed by 1 of 2\xa0gates: sharp." in patch.text
 
 
 def test_it_stands_in_the_pdf_and_the_page(exact: StudyResult, tmp_path: Path) -> None:
