@@ -56,7 +56,7 @@ def paragraph(text: str, lead: str = "") -> Paragraph:
     return Paragraph(text, lead, tuple(Link(f"[{work.number}]", work.anchor) for work in cited.values()))
 
 
-def filled(text: str, values: Mapping[Any, str], name: str) -> str:
+def filled(text: str, values: Mapping[str, str], name: str) -> str:
     """A text on one line with its gaps filled."""
     try:
         return one_line(text).format_map(values)

@@ -23,7 +23,9 @@ from harness.report.blocks import (
     Curves,
     Document,
     Facts,
+    Formula,
     Heading,
+    Link,
     Listing,
     Listings,
     Paragraph,
@@ -36,6 +38,8 @@ from harness.report.blocks import (
     Table,
     Term,
     Terms,
+    Work,
+    Works,
 )
 from harness.report.figures.svg import blank, svg
 from harness.report.pages.html import html_page
@@ -51,6 +55,8 @@ def png(colour: int) -> bytes:
 DOT = Asset("dot.png", png(7))
 BLOCKS: tuple[Block, ...] = (
     Heading("Section", "section"), Heading("Aside"), Paragraph("text <1>", lead="Lead."), Facts(("fact a", "fact b")),
+    Paragraph("as [1] and [2] say", links=(Link("[1]", "work-a"), Link("[2]", "work-b"))), Formula("f(x) = x^2 / 3"),
+    Works((Work(1, "work-a", "A. Author: a work"), Work(2, "work-b", "B. Author: another"))),
     Remarks((Remark("remark", "fail"), Remark("plain"))), Remarks((Remark("closer"),), small=True),
     Terms((Term("term", "meaning ✓"),)), Pointer("the other", "other"),
     Table("table", (Column("A", share=1), Column("B\nC", "right")),
@@ -76,7 +82,8 @@ def test_both_media_set_every_kind() -> None:
     page = html_page(document(*BLOCKS))
     for words in ('<h3 id="section">Section</h3>', "<h3>Aside</h3>", "<p><b>Lead.</b> text &lt;1&gt;</p>", "fact b",
                   "remark", "closer", "<dt>term</dt>", 'href="#other"', "a_<wbr>b", "long cell", 'alt="alt"', "high",
-                  'aria-label="a line"', "<pre>a\nb</pre>"):
+                  'as <a href="#work-a">[1]</a> and <a href="#work-b">[2]</a> say', '<li id="work-a"><span>[1]</span>',
+                  "<mi>f</mi>", 'aria-label="a line"', "<pre>a\nb</pre>"):
         assert words in page
     assert re.findall(r'<nav><a href="#one">One</a><a href="#other">Other</a></nav>', page)
 

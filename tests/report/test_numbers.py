@@ -94,7 +94,7 @@ def test_what_is_allowed_is_used() -> None:
     assert not [allowed for allowed in ALLOWED if allowed not in everything]
 
 
-@pytest.mark.parametrize("text", ["in tiles of 1/5 of its side", "95 % of pixels", "a hundred reports", "up to 0.2"])
+@pytest.mark.parametrize("text", ["in tiles of 1/5 of its side", "95 % of them", "a hundred times", "within 0.2"])
 def test_a_typed_number_is_found(text: str) -> None:
     assert typed(text)
 

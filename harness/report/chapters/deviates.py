@@ -8,10 +8,10 @@ import numpy as np
 
 from harness.report import formats
 from harness.report.blocks import Asset, Chapter, Curves, Paragraph, Remark, Remarks
-from harness.report.chapters.scenes import best_strategy
 from harness.report.figures.deviates import Deviates, deviates_svg, pixel_deviates
 from harness.report.inputs import Inputs
 from harness.report.texts import paragraph
+from harness.results import StudyResult
 from harness.stats.deviates import one_sided
 
 PLACE = 25
@@ -24,10 +24,17 @@ _OFF = 0.05
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, where any pixel has noise."""
-    found = [pixel_deviates(result, best_strategy(result)) for result in inputs.results]
-    shown = [deviates for deviates in found if np.isfinite(deviates.z).any()]
+    shown = [found for result in inputs.results if (found := _least_noisy(result))]
     if shown:
         yield Chapter(TITLE, ANCHOR, (_words(), Remarks(_remarks(shown)), _figure(shown)))
+
+
+def _least_noisy(result: StudyResult) -> Deviates | None:
+    """Those of the suitable strategy with the least RMSE that has noise at all; None where none has."""
+    suited = sorted((strategy for strategy in result.strategies if strategy.suits),
+                    key=lambda strategy: float(np.nan_to_num(strategy.score("rmse"), nan=np.inf)))
+    found = (pixel_deviates(result, strategy) for strategy in suited)
+    return next((deviates for deviates in found if deviates.z.size), None)
 
 
 def _words() -> Paragraph:

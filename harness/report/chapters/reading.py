@@ -21,7 +21,8 @@ _GLOSSARY = "glossary.toml"
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, with the rate of false alarms of these verdicts."""
     judged = judged_pairs(inputs.results)
-    gaps = {**SYMBOLS, "larger": formats.fraction(LARGER), "patch": formats.share(PATCH),
+    marks: dict[str, str] = {str(name): symbol for name, symbol in SYMBOLS.items()}
+    gaps = {**marks, "larger": formats.fraction(LARGER), "patch": formats.share(PATCH),
             "slope": formats.fraction(EXPECTED_SLOPE), "rate": formats.percent(false_alarms(judged), decimals=1)}
     yield Chapter(TITLE, ANCHOR, (Terms(glossary(gaps)),))
 

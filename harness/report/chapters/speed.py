@@ -18,9 +18,10 @@ TITLE, ANCHOR = "Speed", "speed"
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, where any time was measured."""
-    blocks: list[Block] = list(_by_device(inputs.results))
+    blocks: list[Block] = []
     if inputs.bench:
         blocks += [speed_table(inputs.bench.rows), *_equal_error(inputs.bench.entrants)]
+    blocks += _by_device(inputs.results)
     if blocks:
         yield Chapter(TITLE, ANCHOR, tuple(blocks))
 

@@ -21,6 +21,8 @@ WIDTH_CM, ROW_CM = 17.0, 3.3
 COLUMNS = 4
 # Bins reach this far on either side of zero; what lies beyond is in the last ones.
 REACH, BINS = 5.0, 50
+# What is less than this part of a pixel's radiance is rounding to float32, and no noise.
+_ROUNDING = 1e-6
 _FILL, _EDGE = "#b9c6d3", "#5b6b7a"
 
 
@@ -54,8 +56,7 @@ def pixel_deviates(result: StudyResult, strategy: StrategyResult) -> Deviates:
         variance = each.luminance_variance
         total += variance
         squares += variance**2 / max(each.batches - 1, 1)
-    # Rounding to float32 is no noise.
-    noisy = np.sqrt(total) > 1e-6 * np.maximum(np.abs(luminance(reference.mean)), 1e-12)
+    noisy = np.isfinite(total) & (np.sqrt(total) > _ROUNDING * np.abs(luminance(reference.mean)))
     difference, total, squares = difference[noisy], total[noisy], squares[noisy]
     z = skew_deviate(difference, total, np.zeros_like(total), satterthwaite(total, squares))
     return Deviates(result.scene, strategy.strategy, z)

@@ -16,7 +16,7 @@ ADDED = '''"""A chapter on how many scenes there are."""
 
 from harness.report.blocks import Chapter, Paragraph
 
-PLACE = 65
+PLACE = 66
 
 
 def chapters(inputs):
@@ -30,7 +30,9 @@ def test_a_chapter_is_added_by_one_file(exact: StudyResult, tmp_path: Path, monk
     monkeypatch.setattr(chapters, "__path__", [*chapters.__path__, str(tmp_path)])
     document = compose(Inputs([exact], "quick"))
     assert [chapter.title for chapter in document.chapters] == [
-        "", "How to read this", "furnace_convex", "Census", "Provenance"]
+        "", "Verdicts", "Résumé en français", "How to read this", "Method", "Steps, difficulties and choices",
+        "furnace_convex", "Is what is left noise?", "Speed", "What this cannot show", "Census", "Provenance",
+        "References"]
     assert '<a href="#census">Census</a>' in html_page(document)
     assert typeset(document).startswith(b"%PDF")
 

@@ -23,14 +23,22 @@ def pixels(png: bytes) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=int)
 
 
-def test_a_difference_is_blue_below_white_at_and_red_above_zero() -> None:
+def test_a_difference_is_blue_below_grey_at_and_yellow_above_zero() -> None:
     row = pixels(pictures.difference_png(np.array([[-0.5, -0.05, 0.0, 0.05, 0.5]]), 0.1))[0]
     assert row[0][2] > row[0][0] + 50 and row[1][2] > row[1][0] + 20
-    assert row[2].min() > 240 and np.ptp(row[2]) <= 2
+    assert np.ptp(row[2]) <= 5
     assert row[3][0] > row[3][2] + 20 and row[4][0] > row[4][2] + 50
 
 
-def test_both_ends_saturate_alike_and_the_undefined_is_grey() -> None:
+def test_a_printer_without_colour_keeps_the_sign_of_a_difference() -> None:
+    """Evenly lighter from too dark to too bright, so that no two differences have one grey; white is neither."""
+    row = pixels(pictures.difference_png(np.linspace(-1, 1, 21)[None], 1.0))[0]
+    grey = row @ np.array([0.299, 0.587, 0.114])
+    assert (np.diff(grey) > 5).all() and np.ptp(np.diff(grey)) < 8
+    assert pictures.UNDEFINED.min() > grey[-1] + 20
+
+
+def test_both_ends_saturate_alike_and_the_undefined_is_white() -> None:
     image = pixels(pictures.difference_png(np.array([[0.1, 99.0, np.nan, np.inf]]), 0.1))[0]
     assert (image[0] == image[1]).all()
     assert (image[2] == pictures.UNDEFINED).all() and (image[3] == pictures.UNDEFINED).all()
