@@ -74,11 +74,12 @@ def test_the_pages_hold_every_section_figure_and_table_without_a_warning(output:
     headings = json.loads(typst.query(main, "heading.where(level: 1)", field="body", **settings))
     assert [heading["text"] for heading in headings] == [
         "Verdicts", "Résumé en français", "How to read this", "Method", "Steps, difficulties and choices",
-        "Feature by feature", "spheres", "furnace_convex", "Is what is left noise?", "Speed", "What this cannot show",
+        "What strategies and samplers buy", "Feature by feature", "spheres", "furnace_convex",
+        "Is what is left noise?", "Speed", "What this cannot show",
         "Provenance", "References"]
     kinds = json.loads(typst.query(main, "figure", field="kind", **settings))
-    assert kinds.count("table") == 1 + (3 + 2) + 3 + 4, "verdicts; scenes; speed, samplers, devices; provenance"
-    assert kinds.count("image") == 2 * 3 + 2, "images, curves, differences; features, deviates"
+    assert kinds.count("table") == 2 + (3 + 2) + 3 + 4, "verdicts, gains; scenes; speed, samplers, devices; provenance"
+    assert kinds.count("image") == 2 * 3 + 3, "images, curves, differences; gains, features, deviates"
 
 
 def test_no_folder_is_left_half_written(exact: StudyResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

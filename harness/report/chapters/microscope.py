@@ -150,8 +150,8 @@ def _map(record: CoupledRecord, stem: str) -> Picture:
 
 
 def _limit(limit: float) -> str:
-    """A part of one as a percentage, or in a million where that is short."""
-    return formats.share(limit) if limit >= 1e-4 else f"{limit * 1e6:g} in a million"
+    """A part of one as a percentage, or with an exponent where that is shorter."""
+    return formats.share(limit) if limit >= 1e-4 else formats.significant(limit, 1)
 
 
 def _ratio(ratio: float) -> str:

@@ -75,8 +75,8 @@ def test_the_chapter_is_set_without_a_warning(study: StudyResult, tmp_path: Path
     assert headings[at + 1:at + 4] == [EXHIBIT.title, "Noise", "Words"]
     assert at < headings.index("Provenance")
     kinds = json.loads(typst.query(main, "figure", field="kind", **settings))
-    assert kinds.count("image") == (1 + 3) + 2 + 1 + 1, "features and the scene's; pictures and curves; maps; deviates"
-    assert kinds.count("table") == (1 + 3 + 3 + 1) + 1 + 3, "without the chapter; overview; findings"
+    assert kinds.count("image") == (2 + 3) + 2 + 1 + 1, "gains, features, scene; pictures and curves; maps; deviates"
+    assert kinds.count("table") == (1 + 1 + 3 + 3 + 1) + 1 + 3, "without the chapter; overview; findings"
 
 
 def test_the_page_holds_every_word(study: StudyResult) -> None:

@@ -67,7 +67,7 @@ def test_maps_are_of_the_scenes_in_which_most_is_left() -> None:
     titles = [picture.title for row in shown.rows for picture in row.pictures]
     assert titles == [f"{name}, mixture" for name in names[1:MAPS + 1]]
     bars = [picture.bar for row in shown.rows for picture in row.pictures]
-    assert all(bar and "in a million" in bar.labels[2] for bar in bars)
+    assert all(bar and "×10⁻" in bar.labels[2] for bar in bars)
 
 
 def test_autopsies_are_counted_by_part_and_those_that_are_wrong_named() -> None:

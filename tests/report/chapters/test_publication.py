@@ -14,7 +14,7 @@ import pytest
 from harness.errors import HarnessError
 from harness.report import Inputs, formats, texts
 from harness.report.blocks import Curves, Heading, Paragraph, Pictures, Remarks, Table
-from harness.report.chapters import abstract, deviates, features, limits, method, references, resume, speed
+from harness.report.chapters import abstract, deviates, features, gains, limits, method, references, resume, speed
 from harness.report.figures.deviates import pixel_deviates
 from harness.report.headline import headline
 from harness.report.texts import FOLDER, filled, prose, read, works
@@ -163,6 +163,17 @@ def test_pixels_without_noise_have_no_deviate(exact: StudyResult) -> None:
     assert b"furnace_convex, uniform" in figure.file.content, "of the least noisy strategy that has noise"
     silent = dataclasses.replace(exact, strategies=exact.strategies[1:])
     assert not list(deviates.chapters(Inputs([silent], "quick")))
+
+
+def test_gains_are_shown_of_scenes_with_two_slopes(study: StudyResult, exact: StudyResult) -> None:
+    """Of every strategy but the baseline, with the extremes by scene; one slope alone has nothing to gain."""
+    chapter, = gains.chapters(Inputs([study, exact], "quick"))
+    table, = blocks(chapter, Table)
+    assert [row[0].text for row in table.rows] == ["cosine", "lobes", "mixture"]
+    assert all(row[1].text == "1" and row[3].text.endswith("(spheres)") for row in table.rows)
+    figure, = blocks(chapter, Curves)
+    assert b"spheres" in figure.file.content and b"furnace_convex" not in figure.file.content
+    assert not list(gains.chapters(Inputs([exact], "quick")))
 
 
 def test_the_page_of_limits_names_the_commands_of_what_was_not_measured(study: StudyResult) -> None:
