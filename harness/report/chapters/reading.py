@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 
 from harness.metrics import shown_in
 from harness.report import formats
 from harness.report.blocks import SYMBOLS, Chapter, Term, Terms
-from harness.report.headline import false_alarms, judged_pairs
+from harness.report.headline import Pair, false_alarms, judged_pairs
 from harness.report.inputs import Inputs
 from harness.report.tables import EXPECTED_SLOPE
 from harness.report.texts import filled, read
@@ -20,15 +20,14 @@ _GLOSSARY = "glossary.toml"
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, with the rate of false alarms of these verdicts."""
-    judged = judged_pairs(inputs.results)
+    yield Chapter(TITLE, ANCHOR, (Terms(glossary(judged_pairs(inputs.results))),))
+
+
+def glossary(judged: Sequence[Pair]) -> tuple[Term, ...]:
+    """Every term with its meaning, lines joined and gaps filled; metrics that have none, from their registry."""
     marks: dict[str, str] = {str(name): symbol for name, symbol in SYMBOLS.items()}
     gaps = {**marks, "larger": formats.fraction(LARGER), "patch": formats.share(PATCH),
             "slope": formats.fraction(EXPECTED_SLOPE), "rate": formats.percent(false_alarms(judged), decimals=1)}
-    yield Chapter(TITLE, ANCHOR, (Terms(glossary(gaps)),))
-
-
-def glossary(gaps: Mapping[str, str]) -> tuple[Term, ...]:
-    """Every term with its meaning, lines joined and gaps filled; metrics that have none, from their registry."""
     terms: list[Term] = []
     held = read(_GLOSSARY)["term"]
     for term in held:
