@@ -104,7 +104,7 @@ def _savings(inputs: Inputs) -> Iterator[Topic]:
             least, most = min(found), max(found)
             yield idea, {"middle": formats.significant(float(np.median([factor for factor, _ in found])), 2),
                          "least": formats.significant(least[0], 2), "most": formats.significant(most[0], 2),
-                         "worst": least[1], "best": most[1], "scenes": formats.count(len(found))}
+                         "worst": least[1], "best": most[1], "scenes": formats.plural(len(found), "scene")}
 
 
 def _microscope(inputs: Inputs) -> Iterator[Topic]:
