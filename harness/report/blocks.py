@@ -98,7 +98,7 @@ class Remark:
 
 
 @dataclass(frozen=True)
-class Link:
+class CrossReference:
     """Words inside a text, and the anchor that they lead to."""
 
     words: str
@@ -139,7 +139,7 @@ class Paragraph:
 
     text: str
     lead: str = ""
-    links: tuple[Link, ...] = ()
+    links: tuple[CrossReference, ...] = ()
 
 
 @dataclass(frozen=True)

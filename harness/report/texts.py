@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.errors import HarnessError
-from harness.report.blocks import Block, Formula, Heading, Link, Paragraph, Work
+from harness.report.blocks import Block, CrossReference, Formula, Heading, Paragraph, Work
 
 FOLDER = Path(__file__).parent / "chapters"
 _CITATION = re.compile(r"\[([a-z]+\d{4})\]")
@@ -53,7 +53,7 @@ def paragraph(text: str, lead: str = "") -> Paragraph:
     cited = {key: _work(key) for key in _CITATION.findall(text)}
     for key, work in cited.items():
         text = text.replace(f"[{key}]", f"[{work.number}]")
-    return Paragraph(text, lead, tuple(Link(f"[{work.number}]", work.anchor) for work in cited.values()))
+    return Paragraph(text, lead, tuple(CrossReference(f"[{work.number}]", work.anchor) for work in cited.values()))
 
 
 def filled(text: str, values: Mapping[str, str], name: str) -> str:

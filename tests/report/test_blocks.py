@@ -20,12 +20,12 @@ from harness.report.blocks import (
     Cell,
     Chapter,
     Column,
+    CrossReference,
     Curves,
     Document,
     Facts,
     Formula,
     Heading,
-    Link,
     Listing,
     Listings,
     Paragraph,
@@ -55,7 +55,8 @@ def png(colour: int) -> bytes:
 DOT = Asset("dot.png", png(7))
 BLOCKS: tuple[Block, ...] = (
     Heading("Section", "section"), Heading("Aside"), Paragraph("text <1>", lead="Lead."), Facts(("fact a", "fact b")),
-    Paragraph("as [1] and [2] say", links=(Link("[1]", "work-a"), Link("[2]", "work-b"))), Formula("f(x) = x^2 / 3"),
+    Paragraph("as [1] and [2] say", links=(CrossReference("[1]", "work-a"), CrossReference("[2]", "work-b"))),
+    Formula("f(x) = x^2 / 3"),
     Works((Work(1, "work-a", "A. Author: a work"), Work(2, "work-b", "B. Author: another"))),
     Remarks((Remark("remark", "fail"), Remark("plain"))), Remarks((Remark("closer"),), small=True),
     Terms((Term("term", "meaning ✓"),)), Pointer("the other", "other"),

@@ -16,12 +16,12 @@ from harness.report.blocks import (
     Bar,
     Cell,
     Chapter,
+    CrossReference,
     Curves,
     Document,
     Facts,
     Formula,
     Heading,
-    Link,
     Listings,
     Paragraph,
     Picture,
@@ -93,7 +93,7 @@ def _paragraph(paragraph: Paragraph) -> str:
     return f"<p>{lead}{_linked(paragraph.text, paragraph.links)}</p>"
 
 
-def _linked(text: str, links: Sequence[Link]) -> str:
+def _linked(text: str, links: Sequence[CrossReference]) -> str:
     """Text whose parts lead elsewhere."""
     if not links:
         return _text(text)
