@@ -9,6 +9,7 @@ from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from harness.report.blocks import (
     SYMBOLS,
@@ -31,6 +32,7 @@ from harness.report.blocks import (
     Terms,
 )
 from harness.report.figures.style import FONT, font_folder
+from harness.report.pages.embedded import POLICY, palettes_script, pixels_script, scripts
 from harness.report.pages.frame import framed
 
 _FONT_NAME = "Report STIX"
@@ -40,7 +42,8 @@ _LONG_CELL = 40
 
 
 def html_page(document: Document) -> str:
-    """One HTML file that holds its images (PNG data) and figures (inline SVG) and needs nothing else."""
+    """One HTML file that holds its images (PNG data), their numbers, its figures (inline SVG) and its scripts, and needs
+    nothing else; without scripts it shows the pictures."""
     links = "".join(f'<a href="#{chapter.anchor}">{escape(chapter.title)}</a>'
                     for chapter in document.chapters if chapter.title)
     parts = [
@@ -48,7 +51,8 @@ def html_page(document: Document) -> str:
         f'<p class="subtitle">{escape(document.subtitle)} · {escape(document.date)}</p>', f"<nav>{links}</nav>",
         *(_chapter(chapter) for chapter in document.chapters)]
     style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
-    return framed(document.title, _font_face(document) + style, "\n".join(parts))
+    return framed(document.title, _font_face(document) + style, "\n".join(parts), policy=POLICY,
+                  scripts=f"{palettes_script()}\n{scripts()}\n")
 
 
 def _font_face(document: Document) -> str:
@@ -150,6 +154,8 @@ def _cell(cell: Cell, align: str, *, wide: bool) -> str:
         text = f'<a href="#{cell.target}">{text.replace("_", "_<wbr>")}</a>'
     if cell.mark:
         text = f'<span class="{cell.mark}">{_mark(cell.mark, SYMBOLS[cell.mark])} {text}</span>'
+    links = " · ".join(f'<a href="{escape(quote(link.path))}">{escape(link.text)}</a>' for link in cell.links)
+    text = " ".join(part for part in (text, links) if part)
     spans = (f' rowspan="{cell.rows}"' if cell.rows > 1 else "") + (
         f' colspan="{cell.columns}"' if cell.columns > 1 else "")
     classes = f"{align}{' wide' if wide else ''}" if cell.columns == 1 else "left"
@@ -169,7 +175,8 @@ def _pictures(figure: Pictures) -> str:
         columns = max(len(row.pictures), 4)
         rows.append(f'<div class="pictures" style="grid-template-columns: repeat({columns}, 1fr)">'
                     f"{''.join(_picture(picture) for picture in row.pictures)}</div>")
-    return f"<figure>{''.join(rows)}<figcaption>{_text(figure.caption)}</figcaption></figure>"
+    pixels = pixels_script(figure.pixels) if figure.pixels else ""
+    return f"<figure>{pixels}{''.join(rows)}<figcaption>{_text(figure.caption)}</figcaption></figure>"
 
 
 def _picture(picture: Picture) -> str:
