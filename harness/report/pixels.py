@@ -31,7 +31,7 @@ class Plane:
 class Tested:
     """An image under test and what was found of it. `image`: (H, W, 3) radiance; `difference`: (H, W), signed, relative
     to the reference, in luminance, of the images before they were rounded to half floats, whose rounding would drown a
-    small one; `flip`: (H, W); `deviates`: one number for each of its tiles of `tile` pixels a side, as these are stored."""
+    small one; `flip`: (H, W); `deviates`: of each of its tiles, `tile` stored pixels a side."""
 
     name: str
     image: Plane

@@ -52,8 +52,9 @@ def svg(draw: Callable[[], Figure], salt: str, *, of: object = None, letters_as_
         for axes in figure.axes:
             for line in axes.lines:
                 if words := _values(axes, line):
-                    line.set_gid(f"values-{len(values)}")
-                    values[line.get_gid()] = words
+                    name = f"values-{len(values)}"
+                    line.set_gid(name)
+                    values[name] = words
         return figure
 
     drawn = _saved(labelled, settings, format="svg", metadata={"Date": None, "Creator": None}).decode()

@@ -42,8 +42,9 @@ _LONG_CELL = 40
 
 
 def html_page(document: Document) -> str:
-    """One HTML file that holds its images (PNG data), their numbers, its figures (inline SVG) and its scripts, and needs
-    nothing else; without scripts it shows the pictures."""
+    """One HTML file that holds its images (PNG data), their numbers, its figures (inline SVG) and its scripts.
+
+    It needs nothing else, and without scripts it shows the pictures."""
     links = "".join(f'<a href="#{chapter.anchor}">{escape(chapter.title)}</a>'
                     for chapter in document.chapters if chapter.title)
     parts = [

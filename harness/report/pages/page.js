@@ -50,7 +50,7 @@ function charts() {
             if (!near.marker)
                 return;
             near.marker.classList.add("pointed");
-            tip.textContent = near.words;
+            tip.textContent = near.words.replaceAll("; ", "\n");
             tip.hidden = false;
             const left = Math.min(near.place.x + 12, innerWidth - tip.offsetWidth - 8);
             tip.style.left = `${Math.max(left, 4) + scrollX}px`;
