@@ -12,7 +12,8 @@ from harness.results import GateEvidence
 
 PLACE = 35
 TITLE, ANCHOR = "The gates' last runs", "gate-runs"
-_MARKS: dict[str, Mark] = {"pass": "pass", "fail": "fail", "error": "fail", "inconclusive": "inconclusive"}
+# What a gate that did not pass is marked with, the worst first.
+_MARKS: dict[str, Mark] = {"fail": "fail", "error": "fail", "inconclusive": "inconclusive"}
 
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
@@ -20,7 +21,7 @@ def chapters(inputs: Inputs) -> Iterator[Chapter]:
     if not inputs.gates:
         return
     lost = sorted((each for each in inputs.gates if each.record.outcome != "pass"),
-                  key=lambda each: list(_MARKS)[::-1].index(each.record.outcome))
+                  key=lambda each: list(_MARKS).index(each.record.outcome))
     passed = len(inputs.gates) - len(lost)
     blocks = (Paragraph("A gate holds one scene and strategy to a tolerance in each run of the tests. Here is how each "
                         "gate ended when it ran last, which may be longer ago than this report."),
