@@ -80,9 +80,8 @@ def test_both_media_set_every_kind() -> None:
     assert typeset(document(*BLOCKS)).startswith(b"%PDF")
     page = html_page(document(*BLOCKS))
     for words in ('<h3 id="section">Section</h3>', "<h3>Aside</h3>", "<p><b>Lead.</b> text &lt;1&gt;</p>", "fact b",
-                  "remark", "closer", "<dt>term</dt>", 'href="#other"', "a_<wbr>b", "long cell", '<a href="a%20folder/b.png">its file</a>',
-                  'alt="alt"', "high",
-                  'aria-label="a line"', "<pre>a\nb</pre>"):
+                  "remark", "closer", "<dt>term</dt>", 'href="#other"', "a_<wbr>b", "long cell", 'alt="alt"', "high",
+                  '<a href="a%20folder/b.png">its file</a>', 'aria-label="a line"', "<pre>a\nb</pre>"):
         assert words in page
     assert re.findall(r'<nav><a href="#one">One</a><a href="#other">Other</a></nav>', page)
 

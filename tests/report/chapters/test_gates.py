@@ -12,8 +12,8 @@ from harness.gates.runner import run_gate
 from harness.report import Inputs
 from harness.report.blocks import Remarks, Table
 from harness.report.chapters.gates import chapters
-from harness.report.pages.html import html_page
 from harness.report.document import compose
+from harness.report.pages.html import html_page
 from harness.results import GateEvidence, GateRecord, StudyResult
 from tests.support.blocks import blocks
 from tests.support.gates import Noise, judging, one_gate
@@ -43,8 +43,8 @@ def test_a_failed_gate_leads_to_its_files(exact: StudyResult, tmp_path: Path) ->
     warnings: list[str] = []
     found = evidence(tmp_path / "gates", warnings.append)
     assert [each.folder for each in found] == ["below/sky", "broken"]
-    assert warnings == [f"{tmp_path}/gates/other/{RESULT_FILE}: not the result of a gate; run the gate again, or remove "
-                        "its folder"]
+    assert warnings == [f"{tmp_path}/gates/other/{RESULT_FILE}: not the result of a gate; run the gate again, or "
+                        "remove its folder"]
     undecided = GateEvidence(GateRecord("a", "inconclusive", "few"), "a", ())
     inputs = Inputs([exact], "quick", gates=[undecided, PASSED, *found])
     table = blocks(next(chapters(inputs)), Table)[0]
