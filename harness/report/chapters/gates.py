@@ -26,7 +26,7 @@ def chapters(inputs: Inputs) -> Iterator[Chapter]:
     blocks = (Paragraph("A gate holds one scene and strategy to a tolerance in each run of the tests. Here is how each "
                         "gate ended when it ran last, which may be longer ago than this report."),
               Remarks((Remark(f"{passed} of {formats.plural(len(inputs.gates), 'gate')} passed.",
-                              "pass" if not lost else ""),)))
+                              _MARKS[lost[0].record.outcome] if lost else "pass"),)))
     yield Chapter(TITLE, ANCHOR, (*blocks, _table(lost)) if lost else blocks)
 
 
@@ -42,7 +42,7 @@ def _row(each: GateEvidence) -> tuple[Cell, ...]:
     twice = [PurePosixPath(name).stem for name in each.files]
     links = tuple(Link(name if twice.count(stem := PurePosixPath(name).stem) > 1 else stem, f"{folder}/{name}")
                   for name in each.files)
-    again = f" {record.command}" if record.command else ""
+    again = f" Again: {record.command}" if record.command else ""
     return (Cell(record.gate), Cell(record.outcome, _MARKS[record.outcome]),
             Cell(formats.sentence(formats.typographic(record.reason)) + again),
             Cell(f"{folder}/", links=links))

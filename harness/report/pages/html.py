@@ -140,7 +140,8 @@ def _table(table: Table) -> str:
                 column += 1
                 continue
             cell = waiting.pop(0)
-            cells.append(_cell(cell, table.columns[column].align, wide=len(cell.text) > _LONG_CELL))
+            wide = len(cell.text) > _LONG_CELL or bool(cell.links)
+            cells.append(_cell(cell, table.columns[column].align, wide=wide))
             for covered in range(column, column + cell.columns):
                 spanned[covered] = cell.rows - 1
             column += cell.columns
