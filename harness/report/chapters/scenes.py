@@ -43,8 +43,8 @@ PLACE = 20
 # The finest colour scales worth drawing: below them a map shows rounding, not noise.
 _FINEST_DIFFERENCE = 1e-4
 _FINEST_FLIP = 1e-3
-# A report on no more scenes than this holds the pixels of every strategy; a longer one those of the least noisy, or its
-# page would take half a minute to open.
+# A report on no more scenes than this holds the pixels of every strategy. Of 21 scenes they would make its page 23 MB
+# larger, those of the least noisy strategy alone 7.
 _FEW_SCENES = 3
 
 
