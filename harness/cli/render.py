@@ -144,12 +144,16 @@ def _growing(screen: Tev | None, name: str, spp: int, check: Callable[[], None])
     def seen(batch: Batch) -> None:
         nonlocal shown
         check()
-        if screen is None:
+        if screen is None or shown == math.inf:
             return
         so_far.add(batch)
         if so_far.samples == spp or time.monotonic() - shown > TEV_SECONDS:
-            screen.show(name, so_far.mean)
-            shown = time.monotonic()
+            try:
+                screen.show(name, so_far.mean)
+                shown = time.monotonic()
+            except HarnessError as error:  # the image is worth more than the look at it
+                log(f"warning: {error}")
+                shown = math.inf
 
     return seen
 

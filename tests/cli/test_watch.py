@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness.errors import HarnessError
 from harness.files import data_dir
 from harness.samples.exr import read_estimate
 from harness.view.saved import Saved
@@ -85,6 +86,20 @@ def test_tev_sees_the_image_grow(harness: Harness, sky: Path, monkeypatch: pytes
     assert len(fake.history) == 4, "after 1, 2, 4 and 8 samples"
     np.testing.assert_allclose(fake.history[-1], read_estimate("x.exr")[0].mean, rtol=1e-6)
     assert (fake.history[0] != fake.history[-1]).any()
+
+
+def test_an_image_outlives_the_tev_that_shows_it(
+    harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def gone(*arguments: object) -> None:
+        raise HarnessError("tev went away")
+
+    monkeypatch.setattr("harness.view.tev.Tev.show", gone)
+    with listening() as fake:
+        done = harness("render", sky, "--spp", 4, "--tev-at", fake.address, "-o", "x.exr")
+    assert done.status == 0
+    assert done.err.count("warning: tev went away") == 1
+    assert read_estimate("x.exr")[0].samples == 4
 
 
 def test_what_cannot_be_is_refused(harness: Harness, sky: Path, tmp_path: Path) -> None:

@@ -107,11 +107,16 @@ def test_a_click_and_a_key_flip(page: Page, study: StudyResult) -> None:
         np.testing.assert_allclose(stage(page), expected, atol=1)
     page.key("f")
     np.testing.assert_allclose(stage(page), reference, atol=1)
-    page.key("3")
+    left, top, width, height = page.place(".panels button:nth-child(3) canvas")
+    for kind in ("Pressed", "Released"):
+        page.pointer(kind, left + width / 2, top + height / 2)
     page.run(DRAWN)
     label = page.run("document.querySelector('.frame .front').textContent")
     assert label == "Relative difference"
     assert np.abs(stage(page) - test).mean() > 20
+    page.key("2")
+    page.run(DRAWN)
+    assert page.run("document.querySelector('.frame .front').textContent") == "Mitsuba"
 
 
 def test_exposure_and_gamma_change_the_pixels_as_they_should(page: Page, study: StudyResult) -> None:

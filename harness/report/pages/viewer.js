@@ -78,7 +78,7 @@ class Viewer {
         const button = element("button", {type: "button", title: `Show it large (${index + 1})`}, title, canvas);
         if (this.layers[index].palette)
             button.append(bar, limits);
-        button.onclick = () => this.dragged || this.choose(index);
+        button.onclick = event => event.detail && this.dragged || this.choose(index);  // a key has no detail
         return {button, canvas, title, bar, limits};
     }
 
@@ -190,6 +190,7 @@ class Viewer {
         const before = this.zoom, {x, y} = around ?? {x: this.left + this.width / before / 2,
             y: this.top + this.height / before / 2};
         this.zoom = factor ? Math.min(Math.max(before * factor, 1), LARGEST_ZOOM) : 1;
+        this.root.classList.toggle("zoomed", this.zoom > 1);
         this.look(x - (x - this.left) * before / this.zoom, y - (y - this.top) * before / this.zoom);
     }
 
