@@ -125,7 +125,7 @@ def _mark(mark: str, symbol: str | None) -> str:
 
 def _remarks(remarks: Remarks) -> str:
     items = "".join(f"<li>{_mark(r.mark, SYMBOLS.get(r.mark))}{_text(r.text)}</li>" for r in remarks.items)
-    return f'<ul class="remarks">{items}</ul>' if items else ""
+    return f'<ul class="remarks{" small" if remarks.small else ""}">{items}</ul>' if items else ""
 
 
 def _table(table: Table) -> str:

@@ -3,6 +3,9 @@
 //
 // The page's pictures stand in a <figure> beside their numbers, <script class="pixels">. When one comes into view a
 // viewer takes the pictures' place; without scripts they stay.
+//
+// Of kept libraries FlipBook (of simpleimageio 1.13) has no slider and no map of tiles, and is 224 kB of React out of a
+// package that must be compiled; img-comparison-slider divides two elements, and knows no zoom and no radiance.
 "use strict";
 
 const LARGEST_ZOOM = 32;
