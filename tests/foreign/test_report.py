@@ -181,6 +181,9 @@ def test_a_chart_says_the_value_under_the_pointer(page: Page, study: StudyResult
     told = page.run("document.querySelector('.tip').innerText").split("\n")
     assert told[0] == "uniform" and told[1] == "samples per pixel: 1"
     assert not page.run("document.querySelector('.tip').hidden")
+    ring = page.run("(ring => [ring.left + ring.width / 2, ring.top + ring.height / 2])"
+                    "(document.querySelector('.pointed').getBoundingClientRect())")
+    assert ring == pytest.approx([x, y], abs=1)
     page.pointer("Moved", 2, 2)
     assert page.run("document.querySelector('.tip').hidden")
 

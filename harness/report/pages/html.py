@@ -39,6 +39,8 @@ _FONT_NAME = "Report STIX"
 
 # Cells with more letters than this may break their lines; numbers never do.
 _LONG_CELL = 40
+# The width of text on paper, which figures are drawn for.
+_PAGE_CM = 17.0
 
 
 def html_page(document: Document) -> str:
@@ -204,8 +206,9 @@ def _curves(figure: Curves) -> str:
     svg = re.sub(r'(url\(|xlink:href=")#', rf"\g<1>#{name}-", svg)
     svg = svg.replace(f"'{FONT}'", f"'{_FONT_NAME}'")
     svg = svg.replace("<svg", f'<svg role="img" aria-label="{escape(figure.alt)}"', 1)
-    width = f' style="max-width: {100 * figure.width / 17:.0f}%"' if figure.width < 17 else ""
-    return f'<figure class="curves"{width}>{svg}<figcaption>{_text(figure.caption)}</figcaption></figure>'
+    share = f' style="--share: {figure.width / _PAGE_CM:.2f}"' if figure.width < _PAGE_CM else ""
+    caption = f"<figcaption>{_text(figure.caption)}</figcaption>"
+    return f'<figure class="curves"{share}><div class="scroll">{svg}</div>{caption}</figure>'
 
 
 _BLOCKS: dict[type, Callable[[Any], str]] = {

@@ -30,6 +30,9 @@ const REACH = 24;  // CSS pixels
 function charts() {
     const tip = element("div", {className: "tip", hidden: true});
     document.body.append(tip);
+    const ring = document.createElementNS("http://www.w3.org/2000/svg", "circle");
+    ring.setAttribute("class", "pointed");
+    ring.setAttribute("r", 4);  // points of the figure
     for (const chart of document.querySelectorAll(".curves svg")) {
         const points = [...chart.querySelectorAll("use > title")].map(title => {
             const marker = title.parentElement, words = title.textContent;
@@ -38,7 +41,7 @@ function charts() {
         });
         const hide = () => {
             tip.hidden = true;
-            chart.querySelectorAll(".pointed").forEach(marker => marker.classList.remove("pointed"));
+            ring.remove();
         };
         chart.onpointermove = event => {
             hide();
@@ -49,7 +52,9 @@ function charts() {
             }).reduce((best, each) => each.far < best.far ? each : best, {far: REACH});
             if (!near.marker)
                 return;
-            near.marker.classList.add("pointed");
+            ring.setAttribute("cx", near.marker.x.baseVal.value);
+            ring.setAttribute("cy", near.marker.y.baseVal.value);
+            near.marker.after(ring);
             tip.textContent = near.words.replaceAll("; ", "\n");
             tip.hidden = false;
             const left = Math.min(near.place.x + 12, innerWidth - tip.offsetWidth - 8);
