@@ -74,8 +74,7 @@ def render(
     """Render a scene with the GLSL path tracer.
 
     With `--sampler sobol` the file holds no variance, which several of them tell, each with a `--replica` of its own.
-    `--watch` goes on until Ctrl-C, and through files that are broken for a while; with `--tev` it needs the extra
-    'live'.
+    `--watch` goes on until Ctrl-C, and through files that are broken for a while. It and `--tev` need the extra 'live'.
 
     Example: `harness render mitsuba_scenes/spheres.xml --strategy mixture --spp 1024 -o spheres.exr`
     """
@@ -239,7 +238,7 @@ def _render(estimator: Estimator, file: SceneFile, target: Path, asked: Asked, l
     if asked.json:
         print_json({"output": target, **facts, "size": [width, height], **_numbers(result)})
     else:
-        print(f"{target}: {width} x {height}, {asked.spp} spp, {_speed(result)}")
+        print(f"{target}: {width} x {height}, {asked.spp} spp, {_speed(result)}", flush=True)  # --watch goes on
 
 
 def _numbers(result: Estimate) -> dict[str, Any]:

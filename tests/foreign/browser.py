@@ -40,11 +40,15 @@ class Page:
              scripts: bool = True) -> None:
         """Show a file at a size in CSS pixels, as a system that prefers light or dark has it."""
         self._ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        self._ask("Emulation.setEmulatedMedia",
+        self._ask("Emulation.setEmulatedMedia", media="",
                   features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
         self._ask("Emulation.setScriptExecutionDisabled", value=not scripts)
         self._ask("Page.navigate", url=path.as_uri())
         self.wait("document.readyState === 'complete'")
+
+    def print(self) -> None:
+        """Set the page for paper from now on, until another is opened."""
+        self._ask("Emulation.setEmulatedMedia", media="print")
 
     def run(self, script: str) -> Any:
         """The value of an expression in the page, awaited."""

@@ -199,6 +199,9 @@ def test_the_page_is_as_dark_as_the_system_until_the_reader_chooses(chrome: Page
     assert (chrome.run(lightness) < 0.2) != dark
     chrome.open(file, dark=dark)
     assert (chrome.run(lightness) < 0.2) != dark, "it remembers"
+    chrome.print()
+    assert chrome.run(lightness) == 1, "paper is white"
+    assert chrome.run("getComputedStyle(document.querySelector('.curves svg')).filter") == "none"
     chrome.run("localStorage.clear()")
 
 
