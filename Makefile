@@ -20,7 +20,7 @@ gallery: setup  ## Render the handout's two pictures, 1024 x 1024, with all thei
 test: setup  ## Run every unit test and every tolerance gate
 	.venv/bin/pytest -n 2 --dist worksteal
 
-hosts: setup  ## Run exported shaders in wgpu-shadertoy and in Chromium, which with mesa-vulkan-drivers must be there
+hosts: setup  ## Run exported shaders in wgpu-shadertoy and Chromium, the report's page too; they must be there, and mesa-vulkan-drivers
 	.venv/bin/uv pip install --quiet --python .venv/bin/python --no-build-isolation --editable '.[shadertoy]'
 	.venv/bin/pytest tests/foreign
 

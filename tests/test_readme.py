@@ -12,7 +12,7 @@ import harness
 from harness import bench, rivals, studies
 from harness import calibration as calibration_module
 from harness.checks import own
-from harness.cli import COMMANDS, main
+from harness.cli import COMMANDS, EXIT_INTERRUPTED, main
 from harness.cli import report as report_command
 from harness.course import gallery
 from harness.diagnosis import stranger
@@ -26,6 +26,7 @@ from harness.scene.shapes import PARAMETERS
 from harness.shader.strategies import STRATEGIES
 from harness.studies import causes, oracle
 from tests.support.calibration import calibration
+from tests.support.tev import listening
 
 ROOT = Path(harness.__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -160,6 +161,21 @@ class TestCommands:
         assert (tmp_path / "truth.exr").is_file()
         assert (tmp_path / "reports" / "out" / "report.pdf").is_file()
 
+    def test_what_has_no_end_runs_until_ctrl_c(
+        self, brief: None, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+    ) -> None:
+        """Its user ends it when the first image is there, in tev as well."""
+        def ctrl_c(saved: object) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("harness.view.saved.Saved.wait", ctrl_c)
+        (line,) = re.findall(r"^\$ (harness render .*--watch.*)", README, re.MULTILINE)
+        with listening() as tev:
+            monkeypatch.setattr("harness.view.tev.ADDRESS", tev.address)
+            assert run(f"{line} --spp 4") == EXIT_INTERRUPTED, capsys.readouterr().err
+        assert (tmp_path / "spheres.exr").is_file()
+        assert tev.images["spheres mixture"].shape == (12, 16, 3)
+
     @pytest.mark.parametrize("name", [name for name in COMMANDS if name not in ("doctor", "report")])
     def test_the_examples_of_the_help_run(
         self, brief: None, capsys: pytest.CaptureFixture[str], name: str,
@@ -213,7 +229,7 @@ class TestWords:
     """Names and numbers in the text."""
 
     def test_exit_statuses_are_those_of_the_code(self) -> None:
-        from harness.cli import EXIT_INTERRUPTED, EXIT_USAGE
+        from harness.cli import EXIT_USAGE
         from harness.errors import HarnessError, MachineError
 
         told = first_column(section("The command `harness`"))

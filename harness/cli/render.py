@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -34,8 +35,12 @@ from harness.stats.channels import CHANNELS
 
 if TYPE_CHECKING:
     from harness.estimators.base import Estimator
-    from harness.samples.estimate import Estimate
+    from harness.samples.estimate import Batch, Estimate
     from harness.scene import SceneFile
+    from harness.view.tev import Tev
+
+# Seconds between two images that tev is sent while one grows.
+TEV_SECONDS = 0.25
 
 OutputOption = Annotated[Path | None, typer.Option(
     "--output", "-o", help="File to write: .exr (linear, with variance and metadata) or .png (ready to look at); "
@@ -54,6 +59,13 @@ def render(
     max_depth: DepthOption = None,
     parameters: SetOption = None,
     output: OutputOption = None,
+    library: Annotated[Path | None, typer.Option("--library", metavar="FOLDER", show_default=False, help=(
+        "Shader files that stand in for the harness's of the same name."))] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Render again whenever the scene, a file that it names, or a "
+                                        "shader is saved.")] = False,
+    tev: Annotated[bool, typer.Option("--tev", help="Show the image in a running tev while it grows.")] = False,
+    tev_at: Annotated[str | None, typer.Option("--tev-at", metavar="HOST:PORT", show_default=False, help=(
+        "Where tev listens, if not at localhost:14158."))] = None,
     cache: CacheOption = True,
     device: DeviceOption = None,
     profile_time: ProfileTimeOption = False,
@@ -62,22 +74,87 @@ def render(
     """Render a scene with the GLSL path tracer.
 
     With `--sampler sobol` the file holds no variance, which several of them tell, each with a `--replica` of its own.
+    `--watch` goes on until Ctrl-C, and through files that are broken for a while. It and `--tev` need the extra 'live'.
 
     Example: `harness render mitsuba_scenes/spheres.xml --strategy mixture --spp 1024 -o spheres.exr`
     """
+    from contextlib import nullcontext
+
     from harness.estimators.tracer import Tracer
     from harness.gpu.width import ask
+    from harness.view.tev import ADDRESS, Tev
 
+    if watch and json:
+        raise HarnessError("--watch does not end by itself, so there is no one JSON object to print; leave out --json")
+    if library is not None and not library.is_dir():
+        raise HarnessError(f"--library: '{library}' is not a folder; give one that holds lib/phong.glsl, for example")
     ask()
     file = scene_file(scene, size, parameters, max_depth)
-    open_scene(file)
-    estimator = Tracer(strategy, sampler=sampler)
-    warning = estimator.check(file)
+    if not scene.is_file():  # nothing to wait for
+        open_scene(file)
+    estimator = Tracer(strategy, sampler=sampler, folder=library)
     target = _target(output, scene.stem)
-    if warning:
-        log(f"{scene}: warning: strategy '{strategy}': {warning}")
-    labels = {"strategy": strategy, "exposure": file.film.exposure}
-    _render(estimator, file, target, Asked(spp, replica, cache, json), labels)
+    with Tev(tev_at or ADDRESS) if tev or tev_at else nullcontext() as screen:
+        def once(check: Callable[[], None] = lambda: None) -> None:
+            open_scene(file)
+            if warning := estimator.check(file):
+                log(f"{scene}: warning: strategy '{strategy}': {warning}")
+            labels = {"strategy": strategy, "exposure": file.film.exposure}
+            _render(estimator, file, target, Asked(spp, replica, cache, json), labels,
+                    _growing(screen, f"{file.name} {estimator.name}", spp, check))
+
+        if watch:
+            _again(file, library, once)
+        else:
+            once()
+
+
+def _again(file: SceneFile, library: Path | None, once: Callable[[Callable[[], None]], None]) -> None:
+    """Render now and after each save of what the image depends on, until Ctrl-C."""
+    from contextlib import suppress
+
+    from harness.errors import SceneError
+    from harness.files import data_dir
+    from harness.view.saved import repeat
+
+    named: tuple[Path, ...] = ()
+
+    def files() -> Iterator[Path]:
+        nonlocal named
+        with suppress(SceneError):  # rendering says what is wrong; until that is mended it names what it named before
+            named = file.sources
+        yield file.path
+        yield from named
+        for folder in (data_dir("glsl"), library):
+            if folder is not None:
+                yield from (folder, *(path for path in folder.rglob("*") if path.is_dir()))
+
+    repeat(files, once, log)
+
+
+def _growing(screen: Tev | None, name: str, spp: int, check: Callable[[], None]) -> Callable[[Batch], None]:
+    """What is done with each batch: look whether the image is stale, and show it in tev, the last one for certain."""
+    import time
+
+    from harness.samples.estimate import Accumulator
+
+    so_far, shown = Accumulator(), -math.inf
+
+    def seen(batch: Batch) -> None:
+        nonlocal shown
+        check()
+        if screen is None or shown == math.inf:
+            return
+        so_far.add(batch)
+        if so_far.samples == spp or time.monotonic() - shown > TEV_SECONDS:
+            try:
+                screen.show(name, so_far.mean)
+                shown = time.monotonic()
+            except HarnessError as error:  # the image is worth more than the look at it
+                log(f"warning: {error}")
+                shown = math.inf
+
+    return seen
 
 
 def reference(
@@ -133,7 +210,8 @@ class Asked:
     json: bool
 
 
-def _render(estimator: Estimator, file: SceneFile, target: Path, asked: Asked, labels: dict[str, Any]) -> None:
+def _render(estimator: Estimator, file: SceneFile, target: Path, asked: Asked, labels: dict[str, Any],
+            seen: Callable[[Batch], None] = lambda batch: None) -> None:
     from harness.cli.options import SCENE_HASH
     from harness.samples.exr import write_estimate
     from harness.samples.images import write_png
@@ -141,7 +219,7 @@ def _render(estimator: Estimator, file: SceneFile, target: Path, asked: Asked, l
 
     with estimator.open(file) as renderer, progress(asked.spp, f"{file.name} {labels['strategy']}") as advance:
         result = render_estimate(renderer, asked.spp, replica=asked.replica, store=open_store(asked.cache),
-                                 advance=advance)
+                                 advance=advance, seen=seen)
         identity = dict(renderer.identity)
         if "integrator" in identity:  # the file's own has a name, too
             labels["strategy"] = f"mitsuba {identity['integrator']}"
@@ -160,7 +238,7 @@ def _render(estimator: Estimator, file: SceneFile, target: Path, asked: Asked, l
     if asked.json:
         print_json({"output": target, **facts, "size": [width, height], **_numbers(result)})
     else:
-        print(f"{target}: {width} x {height}, {asked.spp} spp, {_speed(result)}")
+        print(f"{target}: {width} x {height}, {asked.spp} spp, {_speed(result)}", flush=True)  # --watch goes on
 
 
 def _numbers(result: Estimate) -> dict[str, Any]:

@@ -60,8 +60,10 @@ def report(
     """
     from harness import bench, calibration
     from harness.files import data_dir, require_writable
+    from harness.gates.evidence import evidence
     from harness.mutants import autopsy, matrix
     from harness.report import Inputs, build_report
+    from harness.report.inputs import GATES_FOLDER
     from harness.studies.ahead import make_ahead
     from harness.studies.causes import causes_file, load_causes
     from harness.studies.memo import remembered_study
@@ -111,7 +113,7 @@ def report(
                     mutants=_left(output / MUTANTS_FILE, matrix.load, None),
                     autopsies=_left(output / AUTOPSY_FILE, autopsy.load, None),
                     oracle=_left(oracle_file(), load_oracle, None),
-                    causes=_left(causes_file(), load_causes, None))
+                    causes=_left(causes_file(), load_causes, None), gates=evidence(output / GATES_FOLDER, _warn))
     pdf = build_report(inputs, output)
     items = {f"{result.scene} {item.strategy}": item
              for result in results for item in result.strategies if item.suits}

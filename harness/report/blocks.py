@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 from harness.errors import HarnessError
+from harness.report.pixels import Pixels
 
 Mark = Literal["", "pass", "fail", "inconclusive", "warning", "exact"]
 Align = Literal["left", "center", "right"]
@@ -38,10 +39,18 @@ class Swatch:
 
 
 @dataclass(frozen=True)
+class Link:
+    """Words that lead to a file beside the report, by its path from there; a medium on paper says the words alone."""
+
+    text: str
+    path: str
+
+
+@dataclass(frozen=True)
 class Cell:
     """One cell of a table. `mark` colours it and puts its symbol in front; `rows`, `columns`: how many it spans.
 
-    `target`: the anchor of the chapter or heading that the text leads to, if any.
+    `target`: the anchor of the chapter or heading that the text leads to, if any; `links` follow the text.
     """
 
     text: str
@@ -50,6 +59,7 @@ class Cell:
     rows: int = 1
     columns: int = 1
     target: str = ""
+    links: tuple[Link, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -202,10 +212,12 @@ class Table:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Rows of pictures under one caption."""
+    """Rows of pictures under one caption. `pixels`: what they show in numbers, for a medium in which one can look
+    closer; it stands in for the pictures there."""
 
     caption: str
     rows: tuple[PictureRow, ...]
+    pixels: Pixels | None = None
 
 
 @dataclass(frozen=True)
@@ -283,6 +295,8 @@ def _plain(value: Any) -> Any:
     """One step towards JSON of what is none yet."""
     if isinstance(value, Asset):
         return value.name
+    if isinstance(value, Pixels):  # nothing for paper
+        return None
     kind = {"kind": type(value).__name__} if isinstance(value, KINDS) else {}
     return {**kind, **{each.name: getattr(value, each.name) for each in dataclasses.fields(value)}}
 

@@ -8,10 +8,21 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from harness.errors import HarnessError
-from harness.results import AutopsyScore, Benchmark, CoupledRecord, Exhibit, KillRecord, StudyResult
+from harness.results import (
+    AutopsyScore,
+    Benchmark,
+    CoupledRecord,
+    Exhibit,
+    GateEvidence,
+    KillRecord,
+    StudyResult,
+)
 from harness.stats.calibration import Calibration
 from harness.studies.causes import CausesFile
 from harness.studies.oracle import OracleFile
+
+# Where gates leave their results, in the folder of the report.
+GATES_FOLDER = "gates"
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +33,8 @@ class Inputs:
     by name. The rest as far as it was measured: `bench`, `mutants`: what `harness bench` and `harness mutants` found;
     `exhibits`: the handout's errors; `calibration`: the verdicts' own errors; `coupled`: the tracer against the oracle
     that draws its random numbers; `autopsies`: what these name of mutants; `oracle`: that oracle against Mitsuba's own
-    `path`, once and at length; `causes`: how often diagnoses name them.
+    `path`, once and at length; `causes`: how often diagnoses name them; `gates`: how each ended
+    when it ran last, with what it left in `GATES_FOLDER` beside the report.
     """
 
     results: Sequence[StudyResult]
@@ -36,6 +48,7 @@ class Inputs:
     autopsies: AutopsyScore | None = None
     oracle: OracleFile | None = None
     causes: CausesFile | None = None
+    gates: Sequence[GateEvidence] = ()
 
     def __post_init__(self) -> None:
         names = [result.scene for result in self.results]

@@ -154,20 +154,21 @@ def cost_table(result: StudyResult, equal: EqualError) -> Table:
             mark: Mark = "warning" if not strategy.suits else "exact" if is_exact(strategy) else ""
             rows.append((*head, Cell(word, mark, columns=5)))
             continue
-        gains = [formats.ratio(gain.value, gain.low, gain.high) if gain else f"1{formats.TIMES}"
+        nothing = f"1{formats.TIMES}" if strategy.strategy == equal.baseline else formats.MISSING
+        gains = [formats.ratio(gain.value, gain.low, gain.high) if gain else nothing
                  for gain in (cost.variance_ratio, cost.sample_gain, cost.time_gain)]
         needed = formats.NBSP.join(formats.spread(cost.spp.value, cost.spp.low, cost.spp.high))
         rows.append((*head, Cell(gains[0]), Cell(needed.rstrip(formats.NBSP)),
                      Cell(formats.duration(cost.seconds.value)), *(Cell(gain) for gain in gains[1:])))
     caption = (
-        f"What equal error costs: samples and time with which each strategy reaches an RMSE of "
-        f"{formats.significant(equal.rmse)}, the largest that a suitable strategy still has at the end of its run; "
-        f"and how many times less that is than {equal.baseline} needs (above one: cheaper). Beside it the ratio of the "
+        "What equal error costs: samples and time with which each strategy reaches an RMSE of "
+        f"{formats.significant(equal.rmse)}, the largest that a suitable strategy still has at the end of its run; and "
+        f"how many times less that is than {equal.baseline} needs (above one: cheaper). Beside it the ratio of the "
         "variances of one sample, measured at the end of the runs; fewer samples are that ratio where both converge "
-        f"with slope {formats.fraction(EXPECTED_SLOPE)}. Intervals over replicas at "
-        f"{_slope_confidence(equal)} confidence, the replicas of two strategies taken as independent; the fitted power "
-        "laws are solved for the error, and the time of one sample is taken as exact. Times "
-        "are by the clock that counts on the device, the CPU's or the GPU's.")
+        f"with slope {formats.fraction(EXPECTED_SLOPE)}; evenly spread samples have none of their own. Intervals over "
+        f"replicas at {_slope_confidence(equal)} confidence, the replicas of two strategies taken as independent; the "
+        "fitted power laws are solved for the error, and the time of one sample is taken as exact. Times are by the "
+        "clock that counts on the device, the CPU's or the GPU's.")
     columns = (Column("Strategy", share=1), Column("Time of one\nsample/pixel", "right"),
                Column(f"Variance of\n{equal.baseline} / own", "right"), Column("Samples per pixel\nneeded", "right"),
                Column("Time\nneeded", "right"), Column(f"Fewer samples\nthan {equal.baseline}", "right"),

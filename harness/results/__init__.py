@@ -4,6 +4,7 @@ from harness.results.bench import Benchmark, BenchRow, EntrantRow
 from harness.results.exhibits import Exhibit, ExhibitImage, Finding, Plot, Series
 from harness.results.gates import (
     AgreementRecord,
+    GateEvidence,
     GateNumbers,
     GateRecord,
     LookRecord,
@@ -29,6 +30,7 @@ __all__ = [
     "Exhibit",
     "ExhibitImage",
     "Finding",
+    "GateEvidence",
     "GateNumbers",
     "GateRecord",
     "KeptPicture",

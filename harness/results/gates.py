@@ -129,3 +129,13 @@ class GateRecord:
     ladder: tuple[RungRecord, ...] = ()
     autopsy: str = ""
     numbers: GateNumbers | None = None
+
+
+@dataclass(frozen=True)
+class GateEvidence:
+    """A gate as it ran last, and what it left: the names of its `files` in a `folder`, whose path is told from where
+    the results of all gates lie, with forward slashes."""
+
+    record: GateRecord
+    folder: str
+    files: tuple[str, ...]

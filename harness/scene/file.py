@@ -102,12 +102,17 @@ class SceneFile:
     def hash(self) -> str:
         """16 hexadecimal digits over the bytes of all that is read for an image (the file, its includes, the files
         that it names), the parameters, the size and the depth. SceneError as `parsed`."""
-        state = self.parsed()
         depth = [] if self.max_depth is None else [self.max_depth]
         whole = hashlib.sha256(json.dumps([self.parameters, self.size, *depth]).encode())
-        for path in [*(Path(str(file)) for file in state.files), *self._named(state)]:
+        for path in self.sources:
             whole.update(hashlib.sha256(path.read_bytes()).digest())
         return whole.hexdigest()[:16]
+
+    @property
+    def sources(self) -> tuple[Path, ...]:
+        """All that is read for an image: the file, its includes, the files that it names. SceneError as `parsed`."""
+        state = self.parsed()
+        return (*(Path(str(file)) for file in state.files), *self._named(state))
 
     @property
     def film(self) -> Film:

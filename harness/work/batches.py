@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -65,14 +65,20 @@ def equal_batches(run: Iterable[Batch], samples: int, *, independent: bool = Tru
 
 
 def render_estimate(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
-                    advance: Advance = lambda n: None) -> Estimate:
+                    advance: Advance = lambda n: None, seen: Callable[[Batch], None] = lambda batch: None) -> Estimate:
     """Mean and variance of `samples` samples per pixel of one replica; the variance is NaN where its batches are not
-    independent of each other: it takes replicas, then."""
+    independent of each other: it takes replicas, then. `seen` is shown every batch as it comes."""
     accumulator = Accumulator()
-    run = batches(renderer, samples, replica=replica, store=store, advance=advance)
+    run = _shown(batches(renderer, samples, replica=replica, store=store, advance=advance), seen)
     for batch in equal_batches(run, samples, independent=renderer.traits.independent_batches):
         accumulator.add(batch)
     return accumulator.estimate()
+
+
+def _shown(run: Iterable[Batch], seen: Callable[[Batch], None]) -> Iterator[Batch]:
+    for batch in run:
+        seen(batch)
+        yield batch
 
 
 def _merged(parts: Sequence[Batch]) -> Batch:

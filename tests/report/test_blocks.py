@@ -5,9 +5,12 @@ from __future__ import annotations
 import io
 import json
 import re
+import tempfile
 from pathlib import Path
 
+import numpy as np
 import pytest
+import typst
 from PIL import Image
 
 from harness.errors import HarnessError
@@ -26,6 +29,7 @@ from harness.report.blocks import (
     Facts,
     Formula,
     Heading,
+    Link,
     Listing,
     Listings,
     Paragraph,
@@ -35,6 +39,7 @@ from harness.report.blocks import (
     Pointer,
     Remark,
     Remarks,
+    Swatch,
     Table,
     Term,
     Terms,
@@ -61,7 +66,7 @@ BLOCKS: tuple[Block, ...] = (
     Remarks((Remark("remark", "fail"), Remark("plain"))), Remarks((Remark("closer"),), small=True),
     Terms((Term("term", "meaning ✓"),)), Pointer("the other", "other"),
     Table("table", (Column("A", share=1), Column("B\nC", "right")),
-          ((Cell("a_b", target="section"), Cell("2", "pass")),)),
+          ((Cell("a_b", target="section"), Cell("2", "pass", links=(Link("its file", "a folder/b.png"),))),)),
     Table("long", (Column("A"),), ((Cell("long cell"),),) * 80, (1,), long=True),
     Pictures("pictures", (PictureRow((Picture(DOT, "title", "alt", Bar(DOT, ("low", "mid", "high"))),), "row"),)),
     Curves("curves", Asset("line.svg", svg(lambda: blank(4, 3), "line")), "a line", 4.0),
@@ -84,9 +89,34 @@ def test_both_media_set_every_kind() -> None:
     for words in ('<h3 id="section">Section</h3>', "<h3>Aside</h3>", "<p><b>Lead.</b> text &lt;1&gt;</p>", "fact b",
                   "remark", "closer", "<dt>term</dt>", 'href="#other"', "a_<wbr>b", "long cell", 'alt="alt"', "high",
                   'as <a href="#work-a">[1]</a> and <a href="#work-b">[2]</a> say', '<li id="work-a"><span>[1]</span>',
-                  "<mi>f</mi>", 'aria-label="a line"', "<pre>a\nb</pre>"):
+                  "<mi>f</mi>", '<a href="a%20folder/b.png">its file</a>', 'aria-label="a line"', "<pre>a\nb</pre>"):
         assert words in page
     assert re.findall(r'<nav><a href="#one">One</a><a href="#other">Other</a></nav>', page)
+
+
+def test_a_table_that_is_too_wide_is_set_smaller() -> None:
+    """Seen in a report: 'environment' ran into the marker beside it. White stands between them."""
+    texts = ("131,072", "+0.031 % [−0.012, +0.190] %", "not suited", "±1.25 %", "±5 %", "−0.498 [−0.523, −0.471]",
+             "not judged")
+    wide = tuple(Column(f"{index}", "right") for index in range(len(texts)))
+    rows = ((Cell("environment"), Cell("mixture sobol", swatch=Swatch("▼", "#ff0000")),
+             *(Cell(text, "inconclusive") for text in texts)),) * 9
+    files = {TEMPLATE: (data_dir("reports") / TEMPLATE).read_bytes(), "report.json": document(
+        Heading("Section"), Table("wide", (Column("Scene", share=1), Column("Strategy"), *wide), rows)).json().encode()}
+    image = _second_page(files)
+    red = (image[..., 0] > 200) & (image[..., 1:] < 100).all(-1)
+    lines, columns = np.nonzero(red)
+    top, bottom, left = lines.min(), lines.max(), columns.min()
+    assert (image[top:bottom, left - 8:left - 2] > 250).all()
+    assert (image[top:bottom, :left] < 100).any(), "the names of the scenes"
+
+
+def _second_page(files: dict[str, bytes]) -> np.ndarray:
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in files.items():
+            Path(folder, name).write_bytes(content)
+        pages = typst.compile(str(Path(folder, TEMPLATE)), root=folder, ignore_system_fonts=True, format="png", ppi=144)
+    return np.asarray(Image.open(io.BytesIO(pages[1])).convert("RGB"))
 
 
 def test_the_template_has_a_function_for_every_kind_and_none_for_others() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import json
 import re
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ from harness.report import Inputs, build_report, document
 from harness.report.blocks import Document
 from harness.report.chapters import scenes
 from harness.report.document import compose
+from harness.report.pages.embedded import POLICY
 from harness.report.pages.typst import typeset
 from harness.results import Benchmark, BenchRow, EntrantRow, StrategyResult, StudyResult
 from harness.stats.bias import MeanErrorVerdict
@@ -283,7 +285,8 @@ class Checker(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        self.text.append(data)
+        if self.open and self.open[-1] not in ("script", "style"):
+            self.text.append(data)
 
 
 @pytest.fixture(scope="module")
@@ -304,7 +307,8 @@ def test_the_page_needs_no_other_file(page: str, checked: Checker) -> None:
     assert all(load.startswith(("data:image/png;base64,", "#")) for load in checked.loads)
     assert all(load[1:] in checked.ids for load in checked.loads if load.startswith("#"))
     assert all(name in checked.ids for name in re.findall(r"url\(#([^)]*)\)", page))
-    assert not re.search(r"<script|<link|@import|url\((?!#|data:font/woff;base64,)", page)
+    assert not re.search(r"<link|@import|url\((?!#|data:font/woff;base64,)|\b(fetch|import|XMLHttpRequest)\(", page)
+    assert f'http-equiv="Content-Security-Policy" content="{html.escape(POLICY)}"' in page, "and may load none"
 
 
 def test_every_image_of_the_page_has_words_for_those_who_do_not_see_it(checked: Checker) -> None:
@@ -319,7 +323,7 @@ def test_the_page_says_what_the_pdf_says(checked: Checker, output: Path) -> None
         if isinstance(value, dict):
             for name, each in value.items():
                 if name not in ("file", "alt", "mark", "align", "anchor", "target", "colour", "symbols", "kind",
-                                "source", "language"):
+                                "path", "source", "language"):
                     yield from strings(each)
         elif isinstance(value, list):
             for each in value:
@@ -334,6 +338,6 @@ def test_the_page_says_what_the_pdf_says(checked: Checker, output: Path) -> None
 def test_markup_in_a_scene_file_is_shown_and_not_obeyed(study: StudyResult, tmp_path: Path) -> None:
     description = "One <b>bold</b> & #strong[typst] *word* $x$.\n\nA second paragraph."
     build_report(Inputs([dataclasses.replace(study, description=description)], "quick"), tmp_path)
-    html = (tmp_path / "report.html").read_text()
-    assert "One &lt;b&gt;bold&lt;/b&gt; &amp; #strong[typst] *word* $x$." in html
-    assert "<p>A second paragraph.</p>" in html
+    page = (tmp_path / "report.html").read_text()
+    assert "One &lt;b&gt;bold&lt;/b&gt; &amp; #strong[typst] *word* $x$." in page
+    assert "<p>A second paragraph.</p>" in page

@@ -30,6 +30,7 @@ from harness.report.figures import pictures
 from harness.report.figures.convergence import curves_svg
 from harness.report.figures.style import strategy_style
 from harness.report.inputs import Inputs
+from harness.report.pixels import Pixels, Tested, plane
 from harness.report.tables import EXPECTED_SLOPE, accuracy_table, cost_table, is_exact
 from harness.report.tiles import deviates_row, deviates_words, failures, tiles_table
 from harness.results import StrategyResult, StudyResult
@@ -42,23 +43,27 @@ PLACE = 20
 # The finest colour scales worth drawing: below them a map shows rounding, not noise.
 _FINEST_DIFFERENCE = 1e-4
 _FINEST_FLIP = 1e-3
+# A report on no more scenes than this holds the pixels of every strategy. Of 21 scenes they would make its page 23 MB
+# larger, those of the least noisy strategy alone 7.
+_FEW_SCENES = 3
 
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """One chapter a scene."""
     for result, stem, anchor in zip(inputs.results, inputs.stems, inputs.anchors, strict=True):
-        yield scene_chapter(result, stem, anchor)
+        yield scene_chapter(result, stem, anchor, every=len(inputs.results) <= _FEW_SCENES)
 
 
-def scene_chapter(result: StudyResult, stem: str, anchor: str) -> Chapter:
-    """The chapter on one scene; `stem` begins the names of its pictures."""
+def scene_chapter(result: StudyResult, stem: str, anchor: str, *, every: bool = True) -> Chapter:
+    """The chapter on one scene; `stem` begins the names of its pictures. `every`: whether each strategy's pixels can be
+    looked at, or those of the least noisy alone."""
     maps = {s.strategy: (pictures.difference_map(s.estimate.mean, result.reference.mean),
                          pictures.perceived_map(s.estimate.mean, result.reference.mean, result.exposure))
             for s in result.strategies}
     equal = equal_error(result)
     blocks: list[Block] = [
         *map(Paragraph, _paragraphs(result.description)), Facts(_facts(result)), Remarks(_remarks(result)),
-        _images(result, best_strategy(result), maps, stem), _curves(result, stem), accuracy_table(result),
+        _images(result, best_strategy(result), maps, stem, every), _curves(result, stem), accuracy_table(result),
         Heading("The verdicts in words"), Remarks(_reasons(result), small=True), tiles_table(result)]
     if equal:
         blocks.append(cost_table(result, equal))
@@ -130,7 +135,7 @@ def _limit_words(strategy: StrategyResult, result: StudyResult) -> str:
 Maps = dict[str, tuple[np.ndarray, np.ndarray]]
 
 
-def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str) -> Pictures:
+def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str, every: bool) -> Pictures:
     """GLSL, reference, signed difference and FLIP of the least noisy strategy; of the only one also its tiles."""
     reference = result.reference.mean
     difference, perceived = maps[best.strategy]
@@ -157,7 +162,22 @@ def _images(result: StudyResult, best: StrategyResult, maps: Maps, stem: str) ->
         Picture(files["difference"], "Relative difference", f"Signed relative difference, within ±{limit:g}",
                 signed_bar(formats.share(limit))),
         Picture(files["flip"], "FLIP", f"FLIP map up to {flip_limit:g}", flip_bar(flip_limit)),
-        *tiles)),))
+        *tiles)),), _pixels(result, best, maps, limit, flip_limit, every))
+
+
+def _pixels(result: StudyResult, best: StrategyResult, maps: Maps, difference_limit: float, flip_limit: float,
+            every: bool) -> Pixels:
+    """The numbers of the images, the least noisy strategy first, as small as the pictures are shown."""
+    k = pictures.shrink_factor(result.reference.mean)
+    others = [each for each in result.strategies if every and each is not best]
+    tested = []
+    for strategy in (best, *others):
+        difference, perceived = maps[strategy.strategy]
+        fine = strategy.tiles.fine
+        tested.append(Tested(strategy.strategy, plane(pictures.shrink(strategy.estimate.mean)), plane(difference),
+                             plane(perceived), plane(fine.z), fine.tile / k))
+    return Pixels(_reference_title(result), plane(pictures.shrink(result.reference.mean)), tuple(tested),
+                  result.exposure, difference_limit, flip_limit, best.tiles.fine.critical)
 
 
 def _differences(result: StudyResult, maps: Maps, stem: str) -> Pictures:

@@ -87,8 +87,10 @@ def _mean_error_panel(axes: Axes, result: StudyResult) -> None:
         style = strategy_style(strategy.strategy)
         x = max(strategy.estimate.samples, 1) * _DODGE ** (2 * (index - middle))
         if np.isfinite([low, high]).all():
-            axes.errorbar(x, value, [[max(value - low, 0)], [max(high - value, 0)]], color=style.colour,
-                          marker=style.marker, capsize=1.6, capthick=0.7, elinewidth=0.9, zorder=4)
+            bar = axes.errorbar(x, value, [[max(value - low, 0)], [max(high - value, 0)]], color=style.colour,
+                                marker=style.marker, capsize=1.6, capthick=0.7, elinewidth=0.9, zorder=4)
+            bar.lines[0].set_label(f"{strategy.strategy}, all replicas")
+            bar.lines[0].set_gid(number(strategy.estimate.samples, 0))
     limit = max(abs(bound) for bound in axes.get_ylim())
     limit = max(limit, 2 * tolerance)
     axes.set_ylim(-limit, limit)
@@ -128,7 +130,8 @@ def _draw_bands(axes: Axes, result: StudyResult, values: Callable[[StrategyResul
         banded = np.isfinite(low[shown]) & np.isfinite(high[shown])
         axes.fill_between(spp[banded], low[shown][banded], high[shown][banded], color=style.colour, alpha=0.18,
                           linewidth=0, zorder=2)
-        axes.plot(spp, mean[shown], color=style.colour, marker=style.marker, zorder=3, **_line(strategy))
+        axes.plot(spp, mean[shown], color=style.colour, marker=style.marker, zorder=3, label=strategy.strategy,
+                  **_line(strategy))
     if not axes.has_data():
         axes.text(0.5, 0.5, "nothing to draw on a log axis" if log else "no finite value", ha="center", va="center",
                   transform=axes.transAxes, color="#777777")

@@ -92,6 +92,11 @@ def bar_png(name: str) -> bytes:
     return _mapped(np.linspace(0, 1, _LEVELS)[None, :], name)
 
 
+def palette(name: str) -> bytes:
+    """The colours of a map in their order, three bytes each: red, green, blue."""
+    return bytes(matplotlib.colormaps[name](np.linspace(0, 1, _LEVELS), bytes=True)[:, :3].tobytes())
+
+
 def robust_limit(maps: list[np.ndarray], floor: float) -> float:
     """The 99th percentile of the absolute values of all maps together, rounded up to 1, 2 or 5 times a power of ten."""
     values = np.abs(np.concatenate([m[np.isfinite(m)].ravel() for m in maps])) if maps else np.empty(0)
@@ -113,8 +118,7 @@ def _mapped(unit: np.ndarray, name: str) -> bytes:
     finite = np.isfinite(unit)
     level = np.rint(np.clip(np.where(finite, unit, 0.0), 0.0, 1.0) * (_LEVELS - 1)).astype(np.uint8)
     image = Image.fromarray(np.where(finite, level, np.uint8(_LEVELS)))
-    colours = matplotlib.colormaps[name](np.linspace(0, 1, _LEVELS), bytes=True)[:, :3]
-    image.putpalette(np.vstack([colours, UNDEFINED]).tobytes())
+    image.putpalette(palette(name) + UNDEFINED.tobytes())
     return _png(image)
 
 

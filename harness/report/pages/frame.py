@@ -9,8 +9,12 @@ from string import Template
 _HERE = Path(__file__).parent
 
 
-def framed(title: str, style: str, body: str) -> str:
-    """A whole HTML file. `title` is text, `body` markup, `style` CSS that follows page.css and may overrule it."""
+def framed(title: str, style: str, body: str, *, policy: str = "", scripts: str = "") -> str:
+    """A whole HTML file. `title` is text, `body` markup, `style` CSS that follows page.css and may overrule it.
+
+    `policy`: a Content-Security-Policy, if the page is to have one; `scripts`: markup for its end.
+    """
     template = Template((_HERE / "page.html").read_text(encoding="utf-8"))
     common = (_HERE / "page.css").read_text(encoding="utf-8")
-    return template.substitute(title=escape(title), style=common + style, body=body)
+    bound = f'<meta http-equiv="Content-Security-Policy" content="{escape(policy)}">\n' if policy else ""
+    return template.substitute(title=escape(title), style=common + style, body=body, policy=bound, scripts=scripts)

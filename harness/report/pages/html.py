@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from harness.report.blocks import (
     SYMBOLS,
@@ -34,6 +35,7 @@ from harness.report.blocks import (
     Works,
 )
 from harness.report.figures.style import FONT, font_folder
+from harness.report.pages.embedded import POLICY, palettes_script, pixels_script, scripts
 from harness.report.pages.frame import framed
 from harness.report.pages.mathml import mathml
 
@@ -41,10 +43,14 @@ _FONT_NAME = "Report STIX"
 
 # Cells with more letters than this may break their lines; numbers never do.
 _LONG_CELL = 40
+# The width of text on paper, which figures are drawn for.
+_PAGE_CM = 17.0
 
 
 def html_page(document: Document) -> str:
-    """One HTML file that holds its images (PNG data) and figures (inline SVG) and needs nothing else."""
+    """One HTML file that holds its images (PNG data), their numbers, its figures (inline SVG) and its scripts.
+
+    It needs nothing else, and without scripts it shows the pictures."""
     links = "".join(f'<a href="#{chapter.anchor}">{escape(chapter.title)}</a>'
                     for chapter in document.chapters if chapter.title)
     parts = [
@@ -52,7 +58,8 @@ def html_page(document: Document) -> str:
         f'<p class="subtitle">{escape(document.subtitle)} · {escape(document.date)}</p>', f"<nav>{links}</nav>",
         *(_chapter(chapter) for chapter in document.chapters)]
     style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
-    return framed(document.title, _font_face(document) + style, "\n".join(parts))
+    return framed(document.title, _font_face(document) + style, "\n".join(parts), policy=POLICY,
+                  scripts=f"{palettes_script()}\n{scripts()}\n")
 
 
 def _font_face(document: Document) -> str:
@@ -144,7 +151,7 @@ def _mark(mark: str, symbol: str | None) -> str:
 
 def _remarks(remarks: Remarks) -> str:
     items = "".join(f"<li>{_mark(r.mark, SYMBOLS.get(r.mark))}{_text(r.text)}</li>" for r in remarks.items)
-    return f'<ul class="remarks">{items}</ul>' if items else ""
+    return f'<ul class="remarks{" small" if remarks.small else ""}">{items}</ul>' if items else ""
 
 
 def _table(table: Table) -> str:
@@ -159,7 +166,8 @@ def _table(table: Table) -> str:
                 column += 1
                 continue
             cell = waiting.pop(0)
-            cells.append(_cell(cell, table.columns[column].align, wide=len(cell.text) > _LONG_CELL))
+            wide = len(cell.text) > _LONG_CELL or bool(cell.links)
+            cells.append(_cell(cell, table.columns[column].align, wide=wide))
             for covered in range(column, column + cell.columns):
                 spanned[covered] = cell.rows - 1
             column += cell.columns
@@ -174,6 +182,8 @@ def _cell(cell: Cell, align: str, *, wide: bool) -> str:
         text = f'<a href="#{cell.target}">{text.replace("_", "_<wbr>")}</a>'
     if cell.mark:
         text = f'<span class="{cell.mark}">{_mark(cell.mark, SYMBOLS[cell.mark])} {text}</span>'
+    links = " · ".join(f'<a href="{escape(quote(link.path))}">{escape(link.text)}</a>' for link in cell.links)
+    text = " ".join(part for part in (text, links) if part)
     spans = (f' rowspan="{cell.rows}"' if cell.rows > 1 else "") + (
         f' colspan="{cell.columns}"' if cell.columns > 1 else "")
     classes = f"{align}{' wide' if wide else ''}" if cell.columns == 1 else "left"
@@ -193,7 +203,8 @@ def _pictures(figure: Pictures) -> str:
         columns = max(len(row.pictures), 4)
         rows.append(f'<div class="pictures" style="grid-template-columns: repeat({columns}, 1fr)">'
                     f"{''.join(_picture(picture) for picture in row.pictures)}</div>")
-    return f"<figure>{''.join(rows)}<figcaption>{_text(figure.caption)}</figcaption></figure>"
+    pixels = pixels_script(figure.pixels) if figure.pixels else ""
+    return f"<figure>{pixels}{''.join(rows)}<figcaption>{_text(figure.caption)}</figcaption></figure>"
 
 
 def _picture(picture: Picture) -> str:
@@ -219,8 +230,9 @@ def _curves(figure: Curves) -> str:
     svg = re.sub(r'(url\(|xlink:href=")#', rf"\g<1>#{name}-", svg)
     svg = svg.replace(f"'{FONT}'", f"'{_FONT_NAME}'")
     svg = svg.replace("<svg", f'<svg role="img" aria-label="{escape(figure.alt)}"', 1)
-    width = f' style="max-width: {100 * figure.width / 17:.0f}%"' if figure.width < 17 else ""
-    return f'<figure class="curves"{width}>{svg}<figcaption>{_text(figure.caption)}</figcaption></figure>'
+    share = f' style="--share: {figure.width / _PAGE_CM:.2f}"' if figure.width < _PAGE_CM else ""
+    caption = f"<figcaption>{_text(figure.caption)}</figcaption>"
+    return f'<figure class="curves"{share}><div class="scroll">{svg}</div>{caption}</figure>'
 
 
 _BLOCKS: dict[type, Callable[[Any], str]] = {

@@ -19,6 +19,7 @@ from harness.report.figures.convergence import curves, curves_svg
 from harness.report.figures.style import RC, strategy_style
 from harness.report.figures.svg import blank
 from harness.results import StudyResult
+from harness.stats.convergence import band
 from tests.support.report import with_curves, with_measured
 
 
@@ -37,6 +38,20 @@ def test_text_stays_text_and_no_pixels_are_embedded(svg: str) -> None:
     for expected in ("RMSE (radiance)", "Mean error of luminance", "SSIM", "samples per pixel", "+0.2 %", "slope −1/2"):
         assert expected in found
     assert "<image" not in svg
+
+
+def test_every_marker_says_its_value(study: StudyResult, svg: str) -> None:
+    """As the axis writes it; the verdict's point with the samples that it stands on, not its place beside others."""
+    told = re.findall(r"<use [^>]*><title>([^<]*)</title></use>", svg)
+    points = sum(3 * each.spp.size + 1 for each in study.strategies)
+    assert len(told) == points
+    for strategy in study.strategies:
+        rmse = band(strategy.curves["rmse"], strategy.verdict.confidence, geometric=True)[0]
+        for spp, value in zip(strategy.spp, rmse, strict=True):
+            assert f"{strategy.strategy}; samples per pixel: {spp}; RMSE (radiance): {float(f'{value:.4g}'):g}" in told
+        error = f"{100 * strategy.verdict.luminance[0]:+.4g} %".replace("-", "−")
+        assert (f"{strategy.strategy}, all replicas; samples per pixel: {strategy.estimate.samples:,}; "
+                f"Mean error of luminance: {error}") in told
 
 
 def test_the_legend_gives_every_strategy_its_slope_and_interval(study: StudyResult, svg: str) -> None:
