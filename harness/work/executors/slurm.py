@@ -134,8 +134,8 @@ class Slurm:
             told = [line for line in str(error).splitlines() if line.strip() and "---" not in line]
             last = next((line for line in told if "Error" in line and "trace" not in line), told[0])
             raise HarnessError(f"a job failed: {last.strip()}; see {job.paths.stderr}") from None
-        raise HarnessError(f"a job ended, and its results are not to be seen in {self._folder}; name a folder on a disk "
-                           "that all nodes share with --cluster folder=PLACE")
+        raise HarnessError(f"a job ended, and its results are not to be seen in {self._folder}; name a folder on a "
+                           "disk that all nodes share with --cluster folder=PLACE")
 
 
 def _share(work: Callable[[Item], Result], prepare: Prepare | None, share: Mapping[int, Item], place: Path) -> None:
