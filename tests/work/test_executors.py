@@ -160,6 +160,9 @@ class TestSlurm:
             draw(tasks, workers, Store(tmp_path / "there"))
             traces = [str(tmp_path / "trace"), "", ""]
             assert list(workers.map(deadly_once, traces)) == traces
+            monkeypatch.setattr(base, "ALLOWED_LOSSES", 0)
+            with pytest.raises(HarnessError, match=r"piece 4 of 5 ended 1 workers.*; see .*jobs"):
+                list(workers.map(deadly, range(5)))
         assert list((tmp_path / "jobs").iterdir()) == [], "what jobs leave behind goes with the last of them"
         with executor("serial") as here:
             draw(tasks, here, Store(tmp_path / "here"))

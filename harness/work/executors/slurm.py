@@ -25,6 +25,8 @@ CLUSTER, FOLDER, TIME = "cluster", "folder", "time"
 LOCAL, DEBUG = "local", "debug"
 # How often it is looked whether a result is there.
 POLL_SECONDS = 0.5
+# Seconds that a job may take to end when it has nothing more to do.
+ENDING_SECONDS = 30
 # What submitit knows of every cluster; the rest is Slurm's.
 COMMON = ("name", "timeout_min", "mem_gb", "nodes", "cpus_per_task", "gpus_per_node", "tasks_per_node")
 
@@ -75,7 +77,8 @@ class Slurm:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
         for job in self._running:
-            job.cancel(check=False)
+            if not job.done():
+                job.cancel(check=False)
         if error is None:
             shutil.rmtree(self._folder, ignore_errors=True)
 
@@ -109,6 +112,14 @@ class Slurm:
             if error is not None:
                 raise error
             yield result
+        self._let_end(jobs)
+
+    def _let_end(self, jobs: Sequence[Any]) -> None:
+        """Of jobs that have left all their results: they write a last file, into a folder that is then removed."""
+        patience = time.monotonic() + ENDING_SECONDS
+        while time.monotonic() < patience and not all(job.done() for job in jobs):
+            time.sleep(POLL_SECONDS)
+        self._running = [job for job in self._running if job not in jobs]
 
     def _submitted(self, work: Callable[[Item], Result], shares: Sequence[Mapping[int, Item]],
                    place: Path) -> list[Any]:
