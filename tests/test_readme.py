@@ -125,6 +125,8 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known = oracle.load_oracle(oracle.oracle_file())
     monkeypatch.setattr(oracle, "measure_oracle", lambda *arguments, **options: known)
     monkeypatch.setattr("harness.course.memo.remembered_exhibits", lambda *arguments, **options: ((), False))
+    # Its processes would know nothing of all this.
+    monkeypatch.setattr("harness.studies.ahead.make_ahead", lambda *arguments, **options: {})
 
     def small(path: Path) -> Scene:
         return load_scene(path, width=16, height=12)

@@ -105,9 +105,11 @@ def _estimate(asked: list[tuple[Scene, int]], store: Store, jobs: int, *, json: 
     from harness.work.forecast import forecast
 
     told = []
+    started = time.process_time()  # what this process has spent so far, a worker will
     for scene, spp in asked:
+        before = time.process_time()
         with Tracer(STRATEGY).open(file_of(scene)) as renderer, progress(None, f"{scene.name} pilot") as advance:
-            found = forecast(renderer, store, advance)
+            found = forecast(renderer, store, started + time.process_time() - before, advance)
         counts = [count for _, count in schedule(spp)]
         workers = min(jobs, len(counts))
         whole, longest = found.seconds(counts, workers), found.longest(counts, workers)

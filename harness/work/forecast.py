@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import heapq
 import math
-import time
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -56,13 +55,12 @@ class Forecast:
         return max(busy)
 
 
-def forecast(renderer: Renderer, store: Store, advance: Advance = lambda n: None) -> Forecast:
+def forecast(renderer: Renderer, store: Store, setup: float, advance: Advance = lambda n: None) -> Forecast:
     """Fitted to a pilot, which is the beginning of any run: at least `PILOT` samples per pixel and `PILOT_SECONDS`.
 
-    The set-up is what this process has spent so far, which is what a worker will, and by how much its first batch was
+    `setup`: seconds that a worker spends until its renderer is open; to it is added by how much the first batch was
     dearer than the others (drivers compile then). HarnessError where the clock was not read, or on several devices.
     """
-    setup = time.process_time()
     counts, seconds = [], []
     devices: dict[tuple[str, Literal["cpu", "gpu"]], None] = {}
     with closing(batches(renderer, LONGEST_PILOT, store=store, advance=advance)) as drawn:

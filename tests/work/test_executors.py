@@ -160,6 +160,9 @@ class TestSlurm:
             draw(tasks, workers, Store(tmp_path / "there"))
             traces = [str(tmp_path / "trace"), "", ""]
             assert list(workers.map(deadly_once, traces)) == traces
+            monkeypatch.setattr(base, "ALLOWED_LOSSES", 0)
+            with pytest.raises(HarnessError, match=r"piece 4 of 5 ended 1 workers.*; see .*jobs"):
+                list(workers.map(deadly, range(5)))
         assert list((tmp_path / "jobs").iterdir()) == [], "what jobs leave behind goes with the last of them"
         with executor("serial") as here:
             draw(tasks, here, Store(tmp_path / "here"))
@@ -168,13 +171,14 @@ class TestSlurm:
         assert found[0] == found[1] and len(found[0]) == len(tasks)
 
     def test_work_is_shared_out_evenly(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """And so that the first results come from all jobs."""
         with executor("slurm", 3, options={"cluster": "debug"}) as workers:
-            sizes = []
+            found = []
             honest = workers._submitted  # type: ignore[attr-defined]
-            monkeypatch.setattr(workers, "_submitted",
-                                lambda work, shares: (sizes.extend(map(len, shares)), honest(work, shares))[1])
-            assert list(workers.map(square, range(10))) == [number**2 for number in range(10)]
-        assert sizes == [4, 4, 2]
+            monkeypatch.setattr(workers, "_submitted", lambda work, shares, place: (
+                found.extend(map(list, shares)), honest(work, shares, place))[1])
+            assert list(workers.map(square, range(8))) == [number**2 for number in range(8)]
+        assert found == [[0, 3, 6], [1, 4, 7], [2, 5]]
 
     def test_words_go_to_sbatch(self) -> None:
         from harness.work.executors.slurm import Slurm

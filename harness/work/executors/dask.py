@@ -22,6 +22,9 @@ OPTIONS = {"scheduler": "its address, such as tcp://10.0.0.1:8786; a cluster of 
 CONNECT_SECONDS, WORKER_SECONDS = 10, 120
 INSTALL = "pip install 'glsl-validation-harness[dask]'"
 
+# What a worker of our own cluster does first: a terminal's Ctrl-C is for the process that started it, which ends it.
+DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+
 # Of a worker: the runs that it is prepared for.
 _prepared: set[str] = set()
 
@@ -70,7 +73,7 @@ class Dask:
                                              "distributed.scheduler.allowed-failures": base.ALLOWED_LOSSES}))
         cluster = distributed.LocalCluster(
             n_workers=self._jobs, threads_per_worker=1, processes=True, memory_limit=0, dashboard_address=None,
-            silence_logs=logging.CRITICAL)
+            silence_logs=logging.CRITICAL, preload=DEAF)
         stack.enter_context(cluster)
         return str(cluster.scheduler_address)
 
