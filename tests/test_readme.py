@@ -104,7 +104,7 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "tests" / "gates.toml").write_text(GATES, encoding="utf-8")
     (scenes / "spheres.xml").symlink_to(data_dir("mitsuba_scenes") / "spheres.xml")
     for name in ("before", "after"):
-        storage.save_study(made.study(made.line("mixture")), tmp_path / name)
+        storage.save_study(made.study(made.line("uniform", scene="spheres")), tmp_path / name)
     (tmp_path / "my_glsl" / "lib").mkdir(parents=True)
     (tmp_path / "my_glsl" / "lib" / "sampling.glsl").symlink_to(data_dir("glsl") / "lib" / "sampling.glsl")
     monkeypatch.setattr(own, "TOPICS", {"frames": own.TOPICS["frames"]})
