@@ -106,7 +106,7 @@ def efficiency(product: StudyProduct) -> Figure:
         axes.set_yticks(range(len(names)), [name if name in found else f"{name}: –" for name in names])
         if found:
             axes.set_xscale("log")
-            _log_axis(axes.xaxis)
+            _log_axis(axes.xaxis, decades=1)
         axes.set_xlabel("1 / (radiance² s)", labelpad=2)
 
     return _panels(product, draw, "Efficiency", wide=True)
@@ -161,9 +161,12 @@ def write_figures(product: StudyProduct, folder: Path) -> None:
 def _panels(product: StudyProduct, draw: Draw, title: str, *, devices: bool = False, wide: bool = False) -> Figure:
     drawn = styles(item.strategy for study in product.studies for item in study.strategies)
     lines = {item.strategy: item for study in product.studies for item in study.strategies}
-    labels = {name: f"{name} ({lines[name].device})" if devices and lines[name].device else name for name in lines}
-    if len({item.device for item in lines.values()}) < 2:
-        labels = {name: name for name in lines}
+    labels = {name: name for name in lines}
+    clocks = list(dict.fromkeys(item.device for item in lines.values() if item.device))
+    if devices and len(clocks) > 1:  # which says which clock is whose: seconds of two devices have no ratio
+        labels = {name: f"{name} [{clocks.index(item.device) + 1}]" if item.device else name
+                  for name, item in lines.items()}
+        title += " of " + ", ".join(f"[{number}] {clock}" for number, clock in enumerate(clocks, 1))
     figure, panels = _grid(len(product.studies), [_handle(lines[name], drawn[name], labels[name]) for name in lines],
                            title, wide=wide)
     for axes, study in zip(panels, product.studies, strict=True):
@@ -226,7 +229,7 @@ def _grid(count: int, handles: Sequence[Line2D], title: str, *, wide: bool = Fal
     height = rows * PANEL_CM + head
     figure = blank(WIDTH_CM, height)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    figure.subplots_adjust(left=0.16 if wide else 0.075, right=0.985, bottom=1.0 / height,
+    figure.subplots_adjust(left=0.16 if wide else 0.075, right=0.955 if wide else 0.985, bottom=1.0 / height,
                            top=1 - (head + 0.55) / height, wspace=0.55 if wide else 0.3, hspace=0.55)
     for axes in panels[count:]:
         axes.set_visible(False)
@@ -296,10 +299,10 @@ def _samples_axis(axes: Axes, label: str) -> None:
     axes.set_xlabel(label, labelpad=2)
 
 
-def _log_axis(axis: Any) -> None:
-    """A few values written out: decades, and 2 and 5 between where there are few of them."""
+def _log_axis(axis: Any, *, decades: float = 2) -> None:
+    """A few values written out: decades, and 2 and 5 between where there are fewer than so many of them."""
     low, high = sorted(axis.get_view_interval())
-    few = math.log10(high / low) < 2 if low > 0 else False
+    few = math.log10(high / low) < decades if low > 0 else False
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=7) if high / low > 1.5
                            else MaxNLocator(4))
     axis.set_minor_locator(NullLocator())

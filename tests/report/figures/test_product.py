@@ -42,7 +42,9 @@ def test_against_time_points_stand_at_seconds() -> None:
 def test_devices_are_named_where_there_are_several() -> None:
     held = StudyProduct((), (study(line("uniform"), line("myrt", device="cpu: another")),))
     labels = [text.get_text() for text in figures.error_by_time(held).legends[0].get_texts()]
-    assert labels == ["uniform (llvmpipe (LLVM 15.0.6, 256 bits))", "myrt (cpu: another)"]
+    assert labels == ["uniform [1]", "myrt [2]"]
+    assert figures.error_by_time(held).get_suptitle() == (
+        "RMSE relative to the mean, against time of [1] llvmpipe (LLVM 15.0.6, 256 bits), [2] cpu: another")
     assert figures.error_by_time(held).get_axes()[0].get_xlabel() == "seconds on its device"
 
 
