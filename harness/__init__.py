@@ -23,6 +23,8 @@ _HOMES = {
     "estimate": "harness.api", "judge": "harness.policy", "render": "harness.api", "render_reference": "harness.api",
     "read_estimate": "harness.samples.exr", "write_estimate": "harness.samples.exr",
     "study": "harness.studies.study",
+    "ParameterStudy": "harness.notebook", "load_parameter_study": "harness.notebook",
+    "parameter_study": "harness.notebook",
 }
 __all__ = sorted(_HOMES)
 

@@ -24,7 +24,7 @@ FLOORS = (
     ("api", "diagnosis", "studies"),
     ("bench", "course", "rivals", "view"),
     ("report",),
-    ("gates", "grading"),
+    ("gates", "grading", "notebook"),
     ("calibration", "mutants"),
     ("cli", "pytest_plugin"),
     ("__init__", "__main__"),

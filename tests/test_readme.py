@@ -24,7 +24,8 @@ from harness.scene import Scene, load_scene
 from harness.scene.materials import BSDFS
 from harness.scene.shapes import PARAMETERS
 from harness.shader.strategies import STRATEGIES
-from harness.studies import causes, oracle
+from harness.studies import causes, oracle, storage
+from tests.support import studies as made
 from tests.support.calibration import calibration
 from tests.support.tev import listening
 
@@ -88,6 +89,13 @@ class ClosedWindow:
 
 
 @pytest.fixture
+def more_scenes(brief: None, tmp_path: Path) -> None:
+    """A scene that declares parameters; reports would study it too."""
+    path = tmp_path / "mitsuba_scenes" / "depth_of_field.xml"
+    path.symlink_to(ROOT / "mitsuba_scenes" / path.name)
+
+
+@pytest.fixture
 def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The checkout as its commands see it, but with one scene, and with profiles that render little."""
     monkeypatch.chdir(tmp_path)
@@ -96,6 +104,8 @@ def brief(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "tests").mkdir()
     (tmp_path / "tests" / "gates.toml").write_text(GATES, encoding="utf-8")
     (scenes / "spheres.xml").symlink_to(data_dir("mitsuba_scenes") / "spheres.xml")
+    for name in ("before", "after"):
+        storage.save_study(made.study(made.line("uniform", scene="spheres")), tmp_path / name)
     (tmp_path / "my_glsl" / "lib").mkdir(parents=True)
     (tmp_path / "my_glsl" / "lib" / "sampling.glsl").symlink_to(data_dir("glsl") / "lib" / "sampling.glsl")
     monkeypatch.setattr(own, "TOPICS", {"frames": own.TOPICS["frames"]})
@@ -204,15 +214,19 @@ class TestCommands:
         assert "tcp://127.0.0.1:9: no " in capsys.readouterr().err
 
     @pytest.mark.parametrize(("number", "smaller", "told"), [
+        (2, {'"mitsuba_scenes/depth_of_field.xml"': 'harness.SceneFile("mitsuba_scenes/depth_of_field.xml", size=(16, '
+                                                    '12))', "spp=256": "spp=4", "[1, 10, 100]": "[1, 10]",
+             "[0, 0.1]": "[0]", "replicas=4": "replicas=2, tolerance=0.5"}, ["depth_of_field alpha="] * 2),
         (0, {'.xml"': '.xml", width=16, height=12', "spp=256": "spp=8", "replicas=4": "replicas=2"},
          ["uniform", "mixture"]),
         (1, {"size=(96, 72)": "size=(16, 12)", "spp=64": "spp=8", "replicas=4": "replicas=2"},
          ["mixture", "mitsuba bsdf_path"])])
     def test_the_python_examples_run(
-        self, brief: None, capsys: pytest.CaptureFixture[str], number: int, smaller: dict[str, str], told: list[str],
+        self, more_scenes: None, capsys: pytest.CaptureFixture[str], number: int, smaller: dict[str, str],
+        told: list[str],
     ) -> None:
         programs = blocks("python")
-        assert len(programs) == 2
+        assert len(programs) == 3
         program = programs[number]
         for option, less in smaller.items():
             assert option in program
@@ -220,6 +234,18 @@ class TestCommands:
         exec(compile(program, "README.md", "exec"), {})
         lines = capsys.readouterr().out.splitlines()
         assert all(line.startswith(name) for line, name in zip(lines, told, strict=True))
+
+    def test_studies_over_parameters_run_one_after_another(
+        self, more_scenes: None, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    ) -> None:
+        typed = re.findall(r"^\$ (harness .*)", section("Studies over parameters"), re.MULTILINE)
+        assert [command.split()[1] for command in typed] == ["study", "study", "compare-studies"]
+        for command in typed:
+            brief_one = command.replace("alpha=1,10,100", "alpha=10").replace("--spp 256", "--spp 4 --tolerance 0.5")
+            assert run(brief_one) in (0, 1), capsys.readouterr().err
+        said = capsys.readouterr().out
+        assert "mixture       not distinguishable" in said and "mitsuba path  only in B" in said
+        assert (tmp_path / "before" / "error-by-aperture.svg").is_file()
 
     def test_the_make_targets_exist(self) -> None:
         targets = set(re.findall(r"^([a-z]+):.*## ", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))

@@ -21,6 +21,7 @@ from harness.errors import HarnessError, MachineError
 
 COMMANDS = {
     "doctor": "doctor", "render": "render", "reference": "render", "compare": "compare", "study": "study",
+    "compare-studies": "compare_studies",
     "report": "report", "gallery": "gallery", "bench": "bench", "calibrate": "calibrate", "gate": "gate",
     "mutants": "mutants", "autopsy": "autopsy", "oracle": "oracle", "causes": "causes", "check": "check",
     "check-library": "library", "grade": "grade", "export": "export", "new-shader": "new", "new-scene": "new",

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from harness.samples.spent import Spending
+    from harness.studies.remaining import Left
 
 _UNWRAPPED = 1000  # columns, more than any line of a table needs
 
@@ -100,6 +102,30 @@ def progress(total: float | None, description: str) -> Iterator[Callable[[float]
         if outermost:
             display.stop()
             _running = None
+
+
+@contextmanager
+def time_left(title: str) -> Iterator[Callable[[Left], None] | None]:
+    """A bar on stderr, where that is a terminal, of the time that a whole study has taken and has left; yields what to
+    tell of it. Bars of `progress` stand below it."""
+    global _running
+    if not sys.stderr.isatty() or _running is not None:
+        yield None
+        return
+    _running = display = _new_display()
+    began = time.perf_counter()
+    display.start()
+    task = display.add_task(title, total=None)
+
+    def tell(left: Left) -> None:
+        elapsed = time.perf_counter() - began
+        display.update(task, completed=elapsed, total=elapsed + left.seconds, description=f"{title}, {left.told}")
+
+    try:
+        yield tell
+    finally:
+        display.stop()
+        _running = None
 
 
 def _ignore(n: float) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from harness.samples.estimate import Estimate
 from harness.stats.bias import MeanErrorVerdict, Outcome
+from harness.stats.channels import Channel
 from harness.stats.convergence import Slope
 from harness.stats.findings import Tiles
 
@@ -21,9 +22,10 @@ class Record:
     `scene`: the file's name; `parameters`: what was set in it by name (`SceneFile.given`). `estimator`: a
     strategy, or what else was studied. `replica`: None where the number is of all replicas together. `samples`: per
     pixel, all that went into it. `quantity`: a metric's name (see `harness.metrics`), or 'slope',
-    'smallest_detectable', 'seconds_per_spp', 'rejected' (samples of the whole image). `channel`: empty where it is of
-    all. `low`, `high`: the interval, at the confidence of the study's verdicts; None where there is none. `n`: how many
-    independent replicas it stands on. `device`: what drew the samples; empty where several did.
+    'smallest_detectable', 'seconds_per_spp', 'rejected' (samples of the whole image), or a cost (see `studies.costs`).
+    `channel`: empty where it is of all. `low`, `high`: the interval, at the confidence of the study's verdicts; None
+    where there is none. `n`: how many independent replicas it stands on. `device`: what drew the samples; empty where
+    several did.
     """
 
     scene: str
@@ -73,7 +75,7 @@ class StrategyResult:
         """By name each metric that is measured at prefixes, (R, P), of each replica's prefix against the reference."""
         points: dict[str, dict[int, list[tuple[int, float]]]] = {}
         for row in self.measured:
-            if row.replica is not None:
+            if row.replica is not None and row.quantity != SECONDS:
                 points.setdefault(row.quantity, {}).setdefault(row.replica, []).append((row.samples, row.value))
         return {name: np.array([[value for _, value in sorted(curve, key=lambda point: point[0])]
                                 for _, curve in sorted(replicas.items())]) for name, replicas in points.items()}
@@ -88,7 +90,20 @@ class StrategyResult:
     def seconds_per_spp(self) -> float:
         """For one sample per pixel of the whole image, the median over batches, by the clock that counts on `device`;
         NaN where the batches come from several."""
-        return next(row.value for row in self.measured if row.quantity == SECONDS)
+        return next(row.value for row in self.measured if row.quantity == SECONDS and row.replica is None)
+
+    @cached_property
+    def replica_seconds(self) -> np.ndarray:
+        """(R,) the same of each replica alone, NaN where it is not known."""
+        found = {row.replica: row.value for row in self.measured
+                 if row.quantity == SECONDS and row.replica is not None}
+        drawn = sorted({row.replica for row in self.measured if row.replica is not None})
+        return np.array([found.get(replica, np.nan) for replica in drawn])
+
+    @property
+    def parameters(self) -> tuple[tuple[str, str], ...]:
+        """What was set in the scene, as (name, value)."""
+        return self.measured[0].parameters
 
     @property
     def device(self) -> str:
@@ -116,6 +131,7 @@ class StudyResult:
     `description` is the scene file's opening comment. `reference_kind`: 'Mitsuba', 'closed form',
     or 'given' where the caller brought it.
     `provenance`: flat mapping of name to value (versions, GL renderer, seeds, hashes, sizes), all strings.
+    `error`: the RMSE, relative to the reference's mean luminance, at which costs are told; None: one that all reach.
     """
 
     scene: str
@@ -127,6 +143,17 @@ class StudyResult:
     strategies: tuple[StrategyResult, ...]
     notes: tuple[str, ...] = ()
     provenance: dict[str, str] = field(default_factory=dict)
+    error: float | None = None
+
+    @property
+    def cell(self) -> tuple[str, tuple[tuple[str, str], ...]]:
+        """The scene file's name and what was set in it: how two studies of one thing know each other."""
+        return self.strategies[0].measured[0].scene, self.strategies[0].parameters
+
+    @property
+    def brightness(self) -> float:
+        """The reference's mean luminance, which relative errors are relative to."""
+        return float(self.reference.image_mean[Channel.LUMINANCE])
 
 
 @dataclass(frozen=True, eq=False)

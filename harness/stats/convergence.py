@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy import special
 
 from harness.errors import HarnessError
 from harness.stats.bias import Outcome, check_confidence
+
+# Of logarithms of errors, below which they are the same.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,21 @@ def slope_verdict(slope: Slope, expected: tuple[float, ...] = (-0.5,), tolerance
     return "inconclusive"
 
 
+@dataclass(frozen=True)
+class Reach:
+    """How much it takes until an error is reached: samples per pixel, or seconds, with the confidence interval.
+
+    `extrapolated`: 'below' or 'above' where that lies outside the prefixes that were measured, so that it hangs on the
+    fitted line going on as it does; empty where it lies among them. Infinite where the error does not fall, NaN where
+    nothing could be fitted.
+    """
+
+    value: float
+    low: float
+    high: float
+    extrapolated: Literal["", "below", "above"]
+
+
 def spp_to_reach(spp: np.ndarray, rmse: np.ndarray, target: float,
                  confidence: float = 0.95) -> tuple[float, float, float]:
     """Samples per pixel at which the fitted power law meets `target`, with its interval: (value, low, high).
@@ -86,20 +105,64 @@ def spp_to_reach(spp: np.ndarray, rmse: np.ndarray, target: float,
     are fewer than two usable prefixes (see `fit_slope`). HarnessError for a target that is not positive and finite,
     and as `fit_slope`.
     """
+    return _to_reach(spp, rmse, target, None, confidence)
+
+
+def samples_to_reach(spp: np.ndarray, rmse: np.ndarray, target: float, confidence: float = 0.95) -> Reach:
+    """`spp_to_reach`, and whether the target lies within the curve. HarnessError as there."""
+    return Reach(*spp_to_reach(spp, rmse, target, confidence), _outside(spp, rmse, target, confidence))
+
+
+def seconds_to_reach(spp: np.ndarray, rmse: np.ndarray, seconds: np.ndarray, target: float,
+                     confidence: float = 0.95) -> Reach:
+    """Seconds until the fitted power law meets `target`: samples times what one takes, `seconds` (R,) of each replica.
+
+    Errors and seconds of one replica are left out together, so that the interval knows of the spread of both. NaN where
+    the seconds of some replica are not known. HarnessError as `spp_to_reach`.
+    """
+    return Reach(*_to_reach(spp, rmse, target, np.asarray(seconds, dtype=np.float64), confidence),
+                 _outside(spp, rmse, target, confidence))
+
+
+def fitted_end(spp: np.ndarray, rmse: np.ndarray) -> float:
+    """The error of the fitted line at the last prefix: steadier than the last point alone. NaN where none is fitted.
+
+    HarnessError as `fit_slope`."""
+    x, squares = _usable(spp, rmse, 0.95)
+    if squares.shape[1] < 2:
+        return math.nan
+    slope, intercept = _line(x, squares)
+    return _exp(intercept + slope * math.log(np.asarray(spp, dtype=np.float64)[-1]))
+
+
+def _to_reach(spp: np.ndarray, rmse: np.ndarray, target: float, seconds: np.ndarray | None,
+              confidence: float) -> tuple[float, float, float]:
     if not 0 < target < math.inf:
         raise HarnessError(f"the error to reach must be positive, found {target}")
     x, squares = _usable(spp, rmse, confidence)
-    if squares.shape[1] < 2:
+    each = np.ones(len(squares)) if seconds is None else seconds
+    if squares.shape[1] < 2 or not (np.isfinite(each) & (each > 0)).all():
         return math.nan, math.nan, math.nan
 
     def solved(chosen: np.ndarray) -> float:
-        slope, intercept = _line(x, chosen)
-        return (math.log(target) - intercept) / slope if slope < 0 else math.inf
+        slope, intercept = _line(x, chosen[:, :-1])
+        samples = (math.log(target) - intercept) / slope if slope < 0 else math.inf
+        return samples + math.log(chosen[:, -1].mean())
 
-    value, _, half = jackknife(solved, squares, confidence)
+    value, _, half = jackknife(solved, np.column_stack([squares, each]), confidence)
     if not math.isfinite(value):
         return math.inf, math.inf, math.inf
     return _exp(value), _exp(value - half), _exp(value + half)
+
+
+def _outside(spp: np.ndarray, rmse: np.ndarray, target: float, confidence: float) -> Literal["", "below", "above"]:
+    """By the line through all replicas; rounding does not lead out of the curve."""
+    x, squares = _usable(spp, rmse, confidence)
+    if squares.shape[1] < 2:
+        return ""
+    slope, intercept = _line(x, squares)
+    reached = intercept + slope * np.log(np.asarray(spp, dtype=np.float64)[[0, -1]]) - math.log(target)
+    return "below" if reached[0] < -ROUNDING else "above" if reached[1] > ROUNDING else ""
 
 
 def band(values: np.ndarray, confidence: float = 0.95, *,

@@ -51,3 +51,24 @@ def sample_variance(spp: np.ndarray, rmse: np.ndarray, confidence: float = 0.95)
     if math.isinf(half):
         return Factor(float(squares.mean()), 0.0, math.inf)
     return Factor(math.exp(value), math.exp(value - half), math.exp(value + half))
+
+
+def time_to_unit_variance(spp: np.ndarray, rmse: np.ndarray, seconds: np.ndarray, confidence: float = 0.95) -> Factor:
+    """Variance of one sample, mean over pixels, times the seconds that one takes: what an efficiency is the inverse of.
+
+    That is how long it takes until the variance is 1 (radiance squared) where samples are independent. `spp` (P,),
+    `rmse` (R, P), `seconds` (R,) for one sample per pixel, of each replica. The interval is the jackknife's over
+    replicas, of the logarithm: those of errors and seconds are left out together. (0, inf) with a single replica, NaN
+    where the error or the seconds of some run are zero or unknown. HarnessError for shapes that do not match.
+    """
+    rmse = np.atleast_2d(np.asarray(rmse, dtype=np.float64))
+    seconds = np.atleast_1d(np.asarray(seconds, dtype=np.float64))
+    if rmse.shape != (len(seconds), np.size(spp)):
+        raise HarnessError(f"expected errors of shape ({len(seconds)}, {np.size(spp)}), found {rmse.shape}")
+    runs = np.column_stack([float(np.asarray(spp)[-1]) * rmse[:, -1] ** 2, seconds])
+    if not (np.isfinite(runs) & (runs > 0)).all():
+        return Factor(math.nan, math.nan, math.nan)
+    whole, value, half = jackknife(lambda chosen: float(np.log(chosen.mean(axis=0)).sum()), runs, confidence)
+    if math.isinf(half):
+        return Factor(math.exp(whole), 0.0, math.inf)
+    return Factor(math.exp(value), math.exp(value - half), math.exp(value + half))

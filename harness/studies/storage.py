@@ -20,8 +20,9 @@ from harness.samples.exr import read_estimate, write_estimate
 from harness.stats.channels import CHANNELS
 
 STUDY_FILE = "study.json"
-# Raised when files written before can no longer be read; 1 no tiles, 2 a field a metric, 3 no device, 4 no table.
-FORMAT = 5
+# Raised when files written before can no longer be read; 1 no tiles, 2 a field a metric, 3 no device, 4 no table,
+# 5 no seconds of each replica.
+FORMAT = 6
 COLUMNS = [field.name for field in dataclasses.fields(Record)]
 # What JSON may hold in a column; numbers that are not finite are text there.
 KINDS: dict[str, set[type]] = {
@@ -75,6 +76,17 @@ def load_study(folder: str | Path) -> StudyResult:
         return _study(folder, content)
 
     return json.load(path, read, what="a study", mend=_MEND, missing="no such study; run 'harness study' first")
+
+
+def discard_study(folder: str | Path) -> None:
+    """Remove a study and its images from a folder, and nothing else that lies there."""
+    folder = Path(folder)
+    if not (folder / STUDY_FILE).is_file():
+        return
+    (folder / STUDY_FILE).unlink(missing_ok=True)
+    for path in folder.iterdir():
+        if _IMAGE.fullmatch(path.name):
+            path.unlink(missing_ok=True)
 
 
 def _image_name(role: str, estimate: Estimate) -> str:

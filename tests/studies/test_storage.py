@@ -180,7 +180,7 @@ def test_a_study_without_tiles_is_of_an_earlier_format(saved: Path) -> None:
     content = json.loads((saved / "study.json").read_text())
     del content["strategies"][0]["tiles"]
     (saved / "study.json").write_text(json.dumps({**content, "format": 1}))
-    with pytest.raises(StoreError, match=r"format 1 of a study, this version reads 5; remove it and run"):
+    with pytest.raises(StoreError, match=r"format 1 of a study, this version reads 6; remove it and run"):
         load_study(saved)
 
 

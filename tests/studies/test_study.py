@@ -23,7 +23,7 @@ from harness.scene.model import Displacement, Procedural
 from harness.shader.strategies import Suited
 from harness.stats.verdicts import Tolerance
 from harness.studies.plan import PROFILES, exhibited_strategies, judged, prefix_sizes, replicas_needed
-from harness.studies.study import _Reference, _Replicas
+from harness.studies.replicas import Reference, Replicas
 from harness.work.batches import render_estimate
 from harness.work.run import tiles_of
 from tests.support.fakes import NoiseRenderer
@@ -111,8 +111,8 @@ def test_no_run_is_ever_held_whole() -> None:
             return batch
 
     estimate = Estimate.exact(np.full((12, 16, 3), 0.5))
-    run = _Replicas(Suited("mixture", suits=True), Film(16, 12), Watched(size=(12, 16)),
-                    _Reference(estimate, tiles_of(estimate, 2)), 4096)
+    run = Replicas(Suited("mixture", suits=True), Film(16, 12), Watched(size=(12, 16)),
+                    Reference(estimate, tiles_of(estimate, 2)), 4096)
     run.add_replica(None, lambda n: None, curve=True)
     assert run.total.samples == 4096
     assert most <= 10, f"{most} of {len(schedule(4096))} batches at once"

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import csv
+import sys
 from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from arro3.core import DataType
+from arro3.io import read_parquet
 
-from harness.errors import StoreError
+from harness.errors import MachineError, StoreError
 from harness.results import Record, StudyResult
 from harness.stats.channels import CHANNELS
-from harness.studies.table import records, write_csv
+from harness.studies.costs import costs_of
+from harness.studies.frames import to_pandas, to_xarray
+from harness.studies.table import columns, records, write_csv, write_parquet
 
 NAMES = [field.name for field in fields(Record)]
 
@@ -22,7 +27,7 @@ def written(rows: list[Record], folder: Path) -> list[dict[str, str]]:
     with (folder / "table.csv").open(encoding="utf-8", newline="") as file:
         reader = csv.DictReader(file)
         found = list(reader)
-    assert reader.fieldnames == NAMES
+    assert reader.fieldnames is not None and reader.fieldnames[:len(NAMES)] == NAMES
     return found
 
 
@@ -50,12 +55,16 @@ class TestRecords:
         assert {(row.samples, row.n) for row in found} == {(uniform.estimate.samples, 3)}
 
     def test_hold_metrics_slope_and_cost_of_all_replicas_together(self, study: StudyResult) -> None:
-        cosine = study.strategies[1]
+        cosine, costs = study.strategies[1], costs_of(study)
+        _, cost, *_ = costs.lines
+        assert cost.samples and cost.seconds and cost.ttuv
         found = {row.quantity: row for row in records(study) if row.estimator == "cosine" and row.replica is None
                  and not row.channel}
         assert {name: row.value for name, row in found.items()} == {
             **cosine.scores, "slope": cosine.slope.slope if cosine.slope else None,
-            "seconds_per_spp": 0.011, "rejected": 0.0}
+            "seconds_per_spp": 0.011, "rejected": 0.0, "rmse_to_reach": costs.rmse,
+            "samples_to_rmse": cost.samples.value, "seconds_to_rmse": cost.seconds.value,
+            "time_to_unit_variance": cost.ttuv.value}
         slope = found["slope"]
         assert slope.low is not None and slope.high is not None and slope.low < slope.value < slope.high
         assert slope.samples == 64 and found["flip"].low is None
@@ -99,6 +108,14 @@ class TestCsv:
         found, = written([row], tmp_path)
         assert (found["scene"], found["parameters"]) == ('a, "b"', "alpha=10 kd=0.5")
         assert found["device"] == "llvmpipe (LLVM 15.0.6, 256 bits)"
+        assert (found["alpha"], found["kd"]) == ("10", "0.5")
+
+    def test_has_a_column_for_a_parameter_that_only_some_have_and_that_is_called_like_a_field(
+        self, study: StudyResult, tmp_path: Path,
+    ) -> None:
+        row = next(records(study))
+        found = written([row, replace(row, parameters=(("samples", "4"),))], tmp_path)
+        assert [(each["samples"], each["parameter_samples"]) for each in found] == [("1", ""), ("1", "4")]
 
     def test_keeps_numbers_that_are_not_finite(self, study: StudyResult, tmp_path: Path) -> None:
         first = next(records(study))
@@ -109,3 +126,47 @@ class TestCsv:
         (tmp_path / "table.csv").mkdir()
         with pytest.raises(StoreError, match=r"table\.csv"):
             write_csv(records(study), tmp_path / "table.csv")
+
+
+class TestParquet:
+    """The same table with types."""
+
+    def test_reads_back_as_what_was_measured(self, study: StudyResult, tmp_path: Path) -> None:
+        rows = [replace(row, parameters=(("alpha", "10"), ("kd", "1 0 0"))) for row in records(study)]
+        rows[0] = replace(rows[0], value=float("nan"), high=float("inf"))
+        write_parquet(rows, tmp_path / "table.parquet")
+        found = read_parquet(str(tmp_path / "table.parquet")).read_all()
+        table = columns(rows)
+        assert found.column_names == list(table)
+        for name in ("scene", "parameters", "replica", "samples", "quantity", "low", "n", "kd"):
+            assert [value.as_py() for value in found[name]] == table[name], name
+        np.testing.assert_array_equal([value.as_py() for value in found["value"]], table["value"])
+        assert {str(found.schema.field(name).type) for name in ("value", "alpha")} == {str(DataType.float64())}
+        assert {value.as_py() for value in found["alpha"]} == {10.0}
+
+
+class TestFrames:
+    """For whoever computes with it."""
+
+    def test_of_pandas_hold_a_number_a_row(self, study: StudyResult) -> None:
+        rows = [replace(row, parameters=(("alpha", "10"),)) for row in records(study)]
+        frame = to_pandas(rows)
+        assert len(frame) == len(rows) and frame["alpha"].dtype == "float64"
+        curve = frame[(frame["quantity"] == "rmse") & (frame["estimator"] == "uniform") & (frame["replica"] == 1)]
+        np.testing.assert_array_equal(curve["value"], study.strategies[0].curves["rmse"][1])
+
+    def test_of_xarray_hold_curves_over_all_that_they_depend_on(self, study: StudyResult) -> None:
+        rows = [replace(row, parameters=(("alpha", alpha), ("kd", "1 0 0"))) for alpha in ("1", "10")
+                for row in records(study)]
+        found = to_xarray(rows)
+        assert set(found.data_vars) == {"rmse", "mean_error", "ssim", "seconds_per_spp"}
+        assert set(found.dims) == {"scene", "estimator", "alpha", "kd", "replica", "samples"}
+        np.testing.assert_array_equal(
+            found["rmse"].sel(scene="spheres", estimator="mixture", alpha=10.0, kd="1 0 0"),
+            study.strategies[-1].curves["rmse"])
+
+    def test_name_the_extra_where_it_is_not_installed(self, study: StudyResult,
+                                                      monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setitem(sys.modules, "pandas", None)
+        with pytest.raises(MachineError, match=r"pandas is not installed; pip install .*\[tables\]"):
+            to_pandas(records(study))

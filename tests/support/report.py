@@ -76,6 +76,7 @@ def strategy_result(name: str, truth: np.ndarray, reference: Estimate, *, sigma:
     return StrategyResult(
         strategy=name, suits=True, warning="", measured=measured(
             scene, (), name, samples=merged.samples, spp=prefixes, curves=curves, seconds_per_spp=seconds,
+            replica_seconds=[seconds] * replicas,
             scores=metrics.measure(merged.mean, reference, exposure, at_prefixes=False), rejected=merged.rejected,
             device=DEVICE),
         estimate=merged, verdict=verdict, tiles=tiles, slope=fit_slope(prefixes, curves["rmse"]) if sigma else None)
@@ -85,6 +86,8 @@ def with_measured(strategy: StrategyResult, **others: Any) -> StrategyResult:
     """The strategy with other measurements: `spp`, `curves`, `scores`, `seconds_per_spp` or `device`."""
     first = strategy.measured[0]
     held = {name: getattr(strategy, name) for name in ("spp", "curves", "scores", "seconds_per_spp", "device")}
+    seconds = others.get("seconds_per_spp", strategy.seconds_per_spp)
+    held["replica_seconds"] = [seconds] * len({**held, **others}["curves"]["rmse"])
     return replace(strategy, measured=measured(
         first.scene, first.parameters, strategy.strategy, samples=strategy.estimate.samples,
         rejected=strategy.estimate.rejected, **{**held, **others}))

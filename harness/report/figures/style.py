@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -71,6 +72,8 @@ _STYLES = {
     "mis": Style("#000000", "X", "✖"),
 }
 _OTHERS = (Style("#8c8c00", "*", "★"), Style("#7f5fa8", "p", "⬟"), Style("#6b6b6b", "h", "⬢"))
+# Where one figure shows more strangers than these, those after them have the same colours and other markers.
+_MORE = ("<", ">", "d")
 
 
 def strategy_style(strategy: str) -> Style:
@@ -78,3 +81,16 @@ def strategy_style(strategy: str) -> Style:
     spare one, always the same."""
     known = _STYLES.get(strategy.partition(" ")[0])
     return known if known is not None else _OTHERS[sum(strategy.encode()) % len(_OTHERS)]
+
+
+def styles(names: Iterable[str]) -> dict[str, Style]:
+    """A style for each of the names of one figure: strategies have their own, others the spare ones, none that of
+    another before there are more than six of them."""
+    spare = [*_OTHERS, *(Style(style.colour, marker, "●") for style, marker in zip(_OTHERS, _MORE, strict=True))]
+    found: dict[str, Style] = {}
+    others = 0
+    for name in dict.fromkeys(names):
+        known = _STYLES.get(name.partition(" ")[0])
+        found[name] = known or spare[others % len(spare)]
+        others += known is None
+    return found
