@@ -154,7 +154,6 @@ def _open(files: Sequence[SceneFile], studied: Sequence[str | Estimator] | None)
 
     told: dict[str, None] = {}
     for file in files:
-        require_memory(file)
         try:
             load(file)
         except SceneError:
@@ -162,6 +161,7 @@ def _open(files: Sequence[SceneFile], studied: Sequence[str | Estimator] | None)
                 raise
         else:
             told |= dict.fromkeys(f"{file.path}: note: {note}" for note in present(file).notes)
+        require_memory(file)
     for note in told:
         log(note)
 

@@ -174,7 +174,7 @@ class TestCache:
         assert json.loads(done.out)["output"] == "again.exr"
         assert len(caplog.records) == 1
         assert str(files[1]) in caplog.text
-        assert "removed, its samples are rendered again" in caplog.text
+        assert "set aside as set-aside/" in caplog.text and "its samples are rendered again" in caplog.text
         np.testing.assert_array_equal(read_estimate("again.exr")[0].mean, read_estimate("x.exr")[0].mean)
         assert harness("render", SPHERES, *SMALL, "-o", "again.exr").err == "", "the damage was mended"
 
@@ -194,7 +194,7 @@ def test_notes_and_warnings_leave_stdout_alone(harness: Harness, sky: Path) -> N
 def test_samples_that_were_not_finite_are_counted_aloud(
     harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch, command: str,
 ) -> None:
-    def broken(renderer: TracerRenderer, replica: int, start: int, count: int) -> Batch:
+    def broken(renderer: TracerRenderer, replica: int, start: int, count: int, advance: object = None) -> Batch:
         cost = Cost(0.1, 0.1, None, "cpu: test", "cpu")
         return Batch(np.full((12, 16, 3), 0.5, dtype=np.float32), count, rejected=7, cost=cost)
 

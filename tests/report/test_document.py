@@ -190,7 +190,7 @@ def variants(study: StudyResult) -> Iterator[tuple[str, StudyResult]]:
     def with_strategy(strategy: StrategyResult) -> StudyResult:
         return dataclasses.replace(study, strategies=(strategy, *rest))
 
-    for name in fields(StudyResult) - {"strategies", "reference"}:
+    for name in fields(StudyResult) - {"strategies", "reference", "error"}:  # whose costs `harness study` tells
         yield name, dataclasses.replace(study, **{name: altered(getattr(study, name))})
     yield "reference", dataclasses.replace(study, reference=first.estimate)
     yield "strategies", dataclasses.replace(study, strategies=rest)
