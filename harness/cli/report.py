@@ -25,7 +25,7 @@ from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError, SceneError, StoreError
 
 if TYPE_CHECKING:
-    from harness.results import CoupledRecord, Exhibit
+    from harness.results import CoupledRecord, Exhibit, KeptPicture
     from harness.samples.store import Store
     from harness.scene import Scene
     from harness.studies.ahead import Part
@@ -113,7 +113,8 @@ def report(
                     mutants=_left(output / MUTANTS_FILE, matrix.load, None),
                     autopsies=_left(output / AUTOPSY_FILE, autopsy.load, None),
                     oracle=_left(oracle_file(), load_oracle, None),
-                    causes=_left(causes_file(), load_causes, None), gates=evidence(output / GATES_FOLDER, _warn))
+                    causes=_left(causes_file(), load_causes, None), gates=evidence(output / GATES_FOLDER, _warn),
+                    pictures=() if scenes else _pictures())
     pdf = build_report(inputs, output)
     items = {f"{result.scene} {item.strategy}": item
              for result in results for item in result.strategies if item.suits}
@@ -179,6 +180,14 @@ def _coupled(scene: Scene) -> tuple[tuple[CoupledRecord, ...], bool]:
     except SceneError as error:
         log(f"warning: {error}; the report does not compare its paths")
         return (), False
+
+
+def _pictures() -> list[tuple[KeptPicture, bytes]]:
+    """The handout's, as they come with the harness."""
+    from harness.course.kept import kept_folder, load_kept
+
+    folder = kept_folder()
+    return [(record, (folder / record.file).read_bytes()) for record in load_kept(folder)]
 
 
 def _left(path: Path, load: Callable[[Path], Found], nothing: Found) -> Found:

@@ -213,11 +213,12 @@ class Table:
 @dataclass(frozen=True)
 class Pictures:
     """Rows of pictures under one caption. `pixels`: what they show in numbers, for a medium in which one can look
-    closer; it stands in for the pictures there."""
+    closer; it stands in for the pictures there. `large`: each row as wide as the page, however few are in it."""
 
     caption: str
     rows: tuple[PictureRow, ...]
     pixels: Pixels | None = None
+    large: bool = False
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ def build_report(inputs: Inputs, output_dir: str | Path) -> Path:
         with write_atomically(output / name) as partial:
             partial.write_bytes(content)
     for path in (output / FIGURES_FOLDER).iterdir():  # of scenes and strategies that an earlier report had
-        if path.suffix in (".png", ".svg") and path.name not in assets:
+        if path.suffix in (".png", ".jpg", ".svg") and path.name not in assets:
             path.unlink(missing_ok=True)
     return output / PDF_FILE
 

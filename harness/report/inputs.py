@@ -14,6 +14,7 @@ from harness.results import (
     CoupledRecord,
     Exhibit,
     GateEvidence,
+    KeptPicture,
     KillRecord,
     StudyResult,
 )
@@ -33,8 +34,8 @@ class Inputs:
     by name. The rest as far as it was measured: `bench`, `mutants`: what `harness bench` and `harness mutants` found;
     `exhibits`: the handout's errors; `calibration`: the verdicts' own errors; `coupled`: the tracer against the oracle
     that draws its random numbers; `autopsies`: what these name of mutants; `oracle`: that oracle against Mitsuba's own
-    `path`, once and at length; `causes`: how often diagnoses name them; `gates`: how each ended
-    when it ran last, with what it left in `GATES_FOLDER` beside the report.
+    `path`, once and at length; `causes`: how often diagnoses name them; `pictures`: the handout's, with their JPEGs;
+    `gates`: how each ended when it ran last, with what it left in `GATES_FOLDER` beside the report.
     """
 
     results: Sequence[StudyResult]
@@ -48,6 +49,7 @@ class Inputs:
     autopsies: AutopsyScore | None = None
     oracle: OracleFile | None = None
     causes: CausesFile | None = None
+    pictures: Sequence[tuple[KeptPicture, bytes]] = ()
     gates: Sequence[GateEvidence] = ()
 
     def __post_init__(self) -> None:

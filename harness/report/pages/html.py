@@ -200,7 +200,7 @@ def _pictures(figure: Pictures) -> str:
         if row.title:
             bar = _bar(row.bar) if row.bar else ""
             rows.append(f'<div class="rowhead"><span>{escape(row.title)}</span>{bar}</div>')
-        columns = max(len(row.pictures), 4)
+        columns = max(len(row.pictures), 1 if figure.large else 4)
         rows.append(f'<div class="pictures" style="grid-template-columns: repeat({columns}, 1fr)">'
                     f"{''.join(_picture(picture) for picture in row.pictures)}</div>")
     pixels = pixels_script(figure.pixels) if figure.pixels else ""
@@ -210,16 +210,17 @@ def _pictures(figure: Pictures) -> str:
 def _picture(picture: Picture) -> str:
     title = f"<p>{_swatch(picture.swatch)}{escape(picture.title)}</p>" if picture.title else ""
     bar = _bar(picture.bar) if picture.bar else ""
-    return f'<div>{title}<img alt="{escape(picture.alt)}" src="{_png(picture.file)}">{bar}</div>'
+    return f'<div>{title}<img alt="{escape(picture.alt)}" src="{_image(picture.file)}">{bar}</div>'
 
 
 def _bar(bar: Bar) -> str:
     labels = "".join(f"<span>{escape(label)}</span>" for label in bar.labels)
-    return f'<div class="bar"><img alt="colour bar" src="{_png(bar.file)}"><div>{labels}</div></div>'
+    return f'<div class="bar"><img alt="colour bar" src="{_image(bar.file)}"><div>{labels}</div></div>'
 
 
-def _png(file: Asset) -> str:
-    return f"data:image/png;base64,{base64.b64encode(file.content).decode()}"
+def _image(file: Asset) -> str:
+    kind = "jpeg" if file.name.endswith(".jpg") else "png"
+    return f"data:image/{kind};base64,{base64.b64encode(file.content).decode()}"
 
 
 def _curves(figure: Curves) -> str:
