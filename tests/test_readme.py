@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -40,7 +41,8 @@ BENCH_ROW = bench.BenchRow("diffuse", "cosine", "path", 5.0, 12.0, 2.0, 6.0, 5.5
 
 def blocks(language: str = "") -> list[str]:
     """The README's fenced blocks in a language."""
-    return re.findall(rf"^```{language}\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
+    fenced = re.findall(r"^```(\w*)\n(.*?)^```$", README, re.DOTALL | re.MULTILINE)  # an end never reads as a beginning
+    return [text for found, text in fenced if found == language]
 
 
 def commands(text: str) -> list[str]:
@@ -172,6 +174,25 @@ class TestCommands:
         assert (tmp_path / "spheres.exr").is_file()
         assert (tmp_path / "truth.exr").is_file()
         assert (tmp_path / "reports" / "out" / "report.pdf").is_file()
+
+    def test_the_tour_of_five_minutes_goes_as_it_says(
+        self, brief: None, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    ) -> None:
+        """Its lines in a shell, and where they are ours here; the last one's words are those that it shows."""
+        (tmp_path / "glsl").symlink_to(data_dir("glsl"))
+        (tmp_path / "mitsuba_scenes" / "cornell.xml").symlink_to(ROOT / "mitsuba_scenes" / "cornell.xml")
+        lines = re.findall(r"^\$ (.*)", section("Five minutes"), re.MULTILINE)
+        for line in (line.partition("  #")[0].strip() for line in lines):
+            if line.startswith("harness "):
+                status = run(line)
+                said = capsys.readouterr()
+                wrong = "wrong.exr truth.exr" in line or "autopsy" in line  # so few samples decide nothing else
+                assert status in ((1,) if wrong else (0, 1)), f"{line}: {said.err}"
+            else:
+                subprocess.run(line, shell=True, check=True, cwd=tmp_path)
+        shown = re.findall(r"^(FIRST DIFFERENCE.*|  computed by .*)", section("Five minutes"), re.MULTILINE)
+        assert len(shown) == 2
+        assert all(each in said.out for each in shown)
 
     def test_what_has_no_end_runs_until_ctrl_c(
         self, brief: None, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
