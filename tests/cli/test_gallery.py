@@ -41,8 +41,8 @@ class TestGallery:
     def test_an_estimate_says_its_error_and_renders_no_picture(self, harness: Harness, sky: Path) -> None:
         done = harness("gallery", sky, *SMALL, "--spp", 1000, "--jobs", 4, "--estimate")
         assert done.status == 0
-        assert re.search(r"sky: 16 x 12, 1000 spp: [\d.]+ s of .*; 4 such workers take [\d.]+ s\n.* a worker .* a "
-                         r"batch .* a sample, fitted to \d+ samples; the first half of them said .* s of the second, "
+        assert re.search(r"sky: 16 x 12, 1000 spp: [\d.]+ (s|min|h) .*; 4 such workers take [\d.]+ (s|min|h).*\n.* a "
+                         r"worker .* a batch .* a sample, fitted to \d+ samples; the first half of them said .* s of the second, "
                          r"which took .*: [+-]\d", done.out)
         assert not Path("pictures").exists()
         (told,) = harness("gallery", sky, *SMALL, "--spp", 1000, "--jobs", 4, "--estimate", "--json").json["estimates"]
