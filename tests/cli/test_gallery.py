@@ -42,7 +42,8 @@ class TestGallery:
         done = harness("gallery", sky, *SMALL, "--spp", 1000, "--jobs", 4, "--estimate")
         assert done.status == 0
         assert re.search(r"sky: 16 x 12, 1000 spp: [\d.]+ (s|min|h) .*; 4 such workers take [\d.]+ (s|min|h).*\n.* a "
-                         r"worker .* a batch .* a sample, fitted to \d+ samples; the first half of them said .* s of the second, "
+                         r"worker .* a batch .* a sample, "
+                         r"fitted to \d+ samples; the first half of them said .* s of the second, "
                          r"which took .*: [+-]\d", done.out)
         assert not Path("pictures").exists()
         (told,) = harness("gallery", sky, *SMALL, "--spp", 1000, "--jobs", 4, "--estimate", "--json").json["estimates"]
