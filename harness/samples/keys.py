@@ -7,7 +7,7 @@ import dataclasses
 import hashlib
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -70,12 +70,13 @@ def code_digest(*modules: str, root: Path = PACKAGE) -> str:
     known = _remembered()
     fresh: dict[str, _File] = {}
     found: dict[str, str] = {}
+    path_of = cache(_path)  # of this call: each module is imported many times
     waiting = list(modules)
     while waiting:
         name = waiting.pop()
         if name in found:
             continue
-        path = _path(name, root)
+        path = path_of(name, root)
         if path is None:
             raise ValueError(f"no module '{name}' in {root}")
         source = path.read_bytes()
@@ -85,7 +86,7 @@ def code_digest(*modules: str, root: Path = PACKAGE) -> str:
             file = fresh[content] = _parsed(source)
         found[name] = file.digest
         package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-        waiting += set(_targets(file.imports, package, root)) - found.keys()
+        waiting += set(_targets(file.imports, package, root, path_of)) - found.keys()
     if fresh:
         _remember({**known, **fresh})
     return digest(found, CODE_DIGITS)
@@ -97,7 +98,8 @@ def _path(name: str, root: Path) -> Path | None:
     return next((path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()), None)
 
 
-def _targets(imports: tuple[str, ...], package: str, root: Path) -> Iterator[str]:
+def _targets(imports: tuple[str, ...], package: str, root: Path,
+             path_of: Callable[[str, Path], Path | None]) -> Iterator[str]:
     """The modules of the harness behind imported names, and the packages that they lie in."""
     top = package.partition(".")[0]
     for name in imports:
@@ -110,7 +112,7 @@ def _targets(imports: tuple[str, ...], package: str, root: Path) -> Iterator[str
             continue
         for length in range(2, len(parts) + 1):
             module = ".".join(parts[:length])
-            if _path(module, root) is None:
+            if path_of(module, root) is None:
                 break  # what a module holds, not a module
             yield module
 
