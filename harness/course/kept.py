@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from harness.course.gallery import STRATEGY, Picture
+from harness.course.gallery import FIGURES, STRATEGY, Picture
 from harness.errors import StoreError
 from harness.files import data_dir
 from harness.results import KeptPicture
@@ -28,7 +28,8 @@ def keep(picture: Picture, scene: Scene, folder: Path) -> KeptPicture:
     """Write a finished picture as a JPEG into a folder, and its record into the folder's list, in place of one of the
     same scene. StoreError where that cannot be written, or the list is damaged."""
     mean = read_estimate(picture.exr)[0].mean
-    record = KeptPicture(scene.name, STRATEGY, mean.shape[1], mean.shape[0], picture.samples, picture.rejected,
+    asked = next((figure.spp for figure in FIGURES if figure.scene == scene.name), picture.samples)
+    record = KeptPicture(scene.name, STRATEGY, mean.shape[1], mean.shape[0], picture.samples, asked, picture.rejected,
                          picture.seconds, picture.device, f"{datetime.datetime.now():%Y-%m-%d}")
     others = [each for each in load_kept(folder) if each.scene != scene.name]
     write_jpeg(folder / record.file, mean, file_of(scene).film.exposure)

@@ -28,7 +28,9 @@ def chapters(inputs: Inputs) -> Iterator[Chapter]:
 
 
 def _count(record: KeptPicture) -> str:
-    return f"{formats.count(record.spp)} samples per pixel"
+    """How many samples it has, and of how many, where the handout's picture had more."""
+    of = f" of the handout's {formats.count(record.asked)}" if record.spp < record.asked else ""
+    return f"{formats.count(record.spp)}{of} samples per pixel"
 
 
 def _took(record: KeptPicture) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 
 import numpy as np
@@ -17,7 +18,7 @@ from harness.results import KeptPicture
 from tests.support.blocks import blocks
 from tests.support.report import exact_study
 
-RECORD = KeptPicture("course_scene", "mixture", 1024, 1024, 20_000, 0, 5400.0, "llvmpipe", "2026-11-28")
+RECORD = KeptPicture("course_scene", "mixture", 1024, 1024, 20_000, 20_000, 0, 5400.0, "llvmpipe", "2026-11-28")
 
 
 def jpeg() -> bytes:
@@ -41,3 +42,9 @@ def test_each_picture_is_shown_large_with_its_count_and_what_it_took() -> None:
     document = compose(inputs)
     assert "data:image/jpeg;base64," in html_page(document)
     assert typeset(document).startswith(b"%PDF")
+
+
+def test_fewer_samples_than_the_handouts_are_told() -> None:
+    inputs = Inputs([exact_study()], "quick", pictures=[(dataclasses.replace(RECORD, spp=256), jpeg())])
+    words, = blocks(next(iter(chapters(inputs))), Paragraph)
+    assert "256 of the handout's 20,000 samples per pixel by mixture" in words.text
