@@ -8,7 +8,8 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class KeptPicture:
     """A picture of `scene`, rendered once at `width` x `height` pixels with `spp` samples each, of which `rejected`
-    over the whole image were not finite; the handout's has `asked`. `seconds` by the clock that counts on `device`; `date`: when it was kept."""
+    over the whole image were not finite; the handout's has `asked`. `seconds` by the clock that counts on `device`;
+    `date`: when it was kept."""
 
     scene: str
     strategy: str
