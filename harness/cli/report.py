@@ -136,19 +136,21 @@ def _absent(scenes: Sequence[Scene], profile: Profile, family: int, store: Store
             exhibits: bool) -> list[Part]:
     """What the report needs and the cache lacks, in the order of the report."""
     from harness.course.memo import exhibits_folder, remembered_exhibits
+    from harness.course.storage import WORDS_FILE
     from harness.studies.ahead import Part
-    from harness.studies.coupled import coupled_folder
+    from harness.studies.coupled import RECORDS_FILE, coupled_folder
     from harness.studies.memo import remembered_study, study_folder
     from harness.studies.plan import exhibited
+    from harness.studies.storage import STUDY_FILE
 
     def drawn(scene: Scene) -> float:
         return float(scene.width * scene.height * (len(exhibited(scene, profile)) + 1) * scene.max_depth)
 
     parts = [Part(scene.name, drawn(scene), partial(remembered_study, scene, profile, family, store, warn=_warn))
-             for scene in scenes if not study_folder(scene, profile, family).exists()]
+             for scene in scenes if not (study_folder(scene, profile, family) / STUDY_FILE).exists()]
     parts += [Part(f"{scene.name} {COUPLED}", drawn(scene) / 10, partial(_coupled, scene))
-              for scene in scenes if not coupled_folder(scene).exists()]
-    if exhibits and not exhibits_folder().exists():
+              for scene in scenes if not (coupled_folder(scene) / RECORDS_FILE).exists()]
+    if exhibits and not (exhibits_folder() / WORDS_FILE).exists():
         parts.append(Part(EXHIBITS, max((part.work for part in parts), default=1.0),
                           partial(remembered_exhibits, store, warn=_warn)))
     return parts

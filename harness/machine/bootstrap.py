@@ -145,7 +145,7 @@ def absent_libraries() -> List[str]:
 
 
 def install_packages() -> None:
-    say("installing the packages of requirements.lock (about 1.1 GB on disk)")
+    say("installing the packages of requirements.lock (about 1.2 GB on disk)")
     needed = ["--require-hashes", "-r", LOCK]
     # pip repeats what uv could not do, so uv's own complaints would only confuse.
     with_uv = install_uv() and subprocess.call(uv() + needed, env=uv_environment(), stderr=subprocess.DEVNULL) == 0

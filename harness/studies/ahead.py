@@ -22,13 +22,6 @@ class Part:
     make: Callable[[], object]
 
 
-@dataclass(frozen=True)
-class _Made:
-    name: str
-    seconds: float
-    spending: tuple[tuple[str, float], ...]
-
-
 def make_ahead(parts: Sequence[Part], jobs: int, progress: Progress = quiet) -> dict[str, float]:
     """Make all of them in `jobs` processes, the longest first; the seconds that each took, by its name.
 
@@ -43,9 +36,9 @@ def make_ahead(parts: Sequence[Part], jobs: int, progress: Progress = quiet) -> 
     with (progress(sum(part.work for part in parts), f"{len(parts)} parts, {jobs} at a time") as advance,
           executor("processes", min(jobs, len(parts))) as pool):
         try:
-            for part, made in zip(longest_first, pool.map(_make, longest_first), strict=True):
-                elapsed[made.name] = made.seconds
-                tables.append(made.spending)
+            for part, table in zip(longest_first, pool.map(_make, longest_first), strict=True):
+                elapsed[part.name] = sum(seconds for _, seconds in table)
+                tables.append(table)
                 advance(part.work)
         except BaseException:  # the others would end their parts first, which takes minutes; the store loses nothing
             for process in multiprocessing.active_children():
@@ -55,11 +48,11 @@ def make_ahead(parts: Sequence[Part], jobs: int, progress: Progress = quiet) -> 
     return elapsed
 
 
-def _make(part: Part) -> _Made:
+def _make(part: Part) -> list[tuple[str, float]]:
+    """What the part's time went to."""
     spending = spent.watch(since_start=False)
     try:
         part.make()
     finally:
         spent.unwatch()
-    table = tuple(spending.table())
-    return _Made(part.name, sum(seconds for _, seconds in table), table)
+    return spending.table()

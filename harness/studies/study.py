@@ -42,8 +42,8 @@ from harness.work.provenance import versions
 from harness.work.run import Run, reference_run, tiles_of
 from harness.work.tasks import draw, tasks_of
 
-# Mitsuba's best sampler: at equal cost its replicas have a third to a sixth of the independent one's variance, and they
-# stay independent of each other, which is all that variances and verdicts rest on.
+# Mitsuba's best sampler: its replicas of 16 samples have 1.8 (course_scene) to 6.3 times (textures) less variance than
+# the independent one's, and they stay independent of each other, which is all that variances and verdicts rest on.
 REFERENCE_SAMPLER = "multijitter"
 
 

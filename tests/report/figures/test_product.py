@@ -71,8 +71,10 @@ def test_what_cannot_be_drawn_leaves_the_figure_whole() -> None:
     nothing = line("kept", spp=SPP[-1:], seconds=float("nan"))
     exact = line("exact", error=0.0)
     held = StudyProduct((), (study(nothing), study(exact), study(replace(exact, slope=None), nothing)))
-    for draw in figures.figures(held).values():
-        draw().canvas.draw()  # type: ignore[no-untyped-call]
+    for name, draw in figures.figures(held).items():
+        figure = draw()
+        figure.canvas.draw()  # type: ignore[no-untyped-call]
+        assert figure.get_axes(), f"{name} has no axes"
 
 
 def test_all_are_written_as_svg_whose_letters_need_no_font(tmp_path: Path) -> None:
