@@ -21,9 +21,9 @@ from harness.gpu.device import ENTRY
 from harness.gpu.renderer import TracerRenderer
 from harness.samples.estimate import Batch
 from harness.scene import Scene, load_scene
+from harness.scene.strategies import STRATEGIES
 from harness.shader.library import OURS
 from harness.shader.source import ShaderSource
-from harness.shader.strategies import STRATEGIES
 
 FILE = Path(__file__).with_name("pixels.json")
 WIDTH, HEIGHT, SAMPLES = 48, 36, 64

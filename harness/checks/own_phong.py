@@ -13,7 +13,7 @@ from harness.checks.finding import Finding
 from harness.checks.integral import quadrature
 from harness.checks.shader import Probe, Vertex
 from harness.checks.weight import weight
-from harness.shader.strategies import DRAWS
+from harness.scene.strategies import DRAWS
 
 VALUES = 4096  # directions at which the BRDF is held against its formula, each of them over a whole hemisphere
 DRAWN = 1 << 16

@@ -16,8 +16,8 @@ from harness.checks.chi2 import Pdf, Sample
 from harness.checks.domains import Axis, Lobe
 from harness.checks.integral import quadrature
 from harness.gpu.probes import Picture, evaluate
+from harness.scene.strategies import DRAWS
 from harness.shader.library import Library
-from harness.shader.strategies import DRAWS
 
 # As probes/sampling.frag numbers them, and the order of pdfs in probes/pdf.frag.
 SAMPLERS = ("uniform", "cosine", "lobe")

@@ -40,8 +40,8 @@ def export(
     Example: `harness export mitsuba_scenes/spheres.xml --host webgl -o spheres.html`
     """
     from harness.files import require_writable, write_atomically
+    from harness.scene.strategies import check_strategy
     from harness.shader.exports import export as exported
-    from harness.shader.strategies import check_strategy
 
     file = scene_file(scene, size, parameters, max_depth)
     reading = open_scene(file)

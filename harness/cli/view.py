@@ -85,7 +85,7 @@ class Subject:
 def _tracers(path: Path, strategy: str, size: str | None, parameters: list[str] | None) -> Subject:
     """Our tracer with each strategy that suits the scene, and with the one that is asked for."""
     from harness.estimators.tracer import Tracer
-    from harness.shader.strategies import check_strategy, suitable_strategies
+    from harness.scene.strategies import check_strategy, suitable_strategies
 
     file = scene_file(path, size, parameters)
     reading = open_scene(file)

@@ -23,8 +23,8 @@ from harness.gpu.tap import Look, Tap
 from harness.progress import Progress, quiet
 from harness.reference.coupled_steps import CoupledSteps
 from harness.scene import SceneFile, load
+from harness.scene.strategies import check_strategy, parse_strategy
 from harness.shader.library import OURS, Library
-from harness.shader.strategies import check_strategy, parse_strategy
 
 # A replica and a first sample that are not 0, or a seed that forgets one of them would not show.
 REPLICA, FIRST = 3, 5

@@ -19,9 +19,9 @@ from harness.estimators.coupled import Coupled
 from harness.estimators.tracer import Tracer
 from harness.scene import Scene, SceneFile, load
 from harness.scene.lights import ENVIRONMENT, lights_sampled
+from harness.scene.strategies import Strategy
 from harness.shader.functions import functions
 from harness.shader.library import Library
-from harness.shader.strategies import Strategy
 
 # Samples of each pixel that are compared, one by one, of a replica that nothing else draws.
 SAMPLES, REPLICA = 4, 77

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from harness.reference.coupled import CoupledRenderer
 from harness.scene import SceneFile, load
+from harness.scene.strategies import check_strategy, parse_strategy
 from harness.shader.samplers import DEFAULT, named, sampler_named
-from harness.shader.strategies import check_strategy, parse_strategy
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from pathlib import Path
 from harness.errors import HarnessError
 from harness.gpu.renderer import TracerRenderer
 from harness.scene import Scene, SceneFile, load
+from harness.scene.strategies import check_strategy
 from harness.shader.library import GENERATED, OURS, Library
 from harness.shader.own_files import own_library
 from harness.shader.samplers import DEFAULT, named, sampler_named, with_sampler
 from harness.shader.source import ShaderSource
-from harness.shader.strategies import check_strategy
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 # Features of a scene that a tracer can leave out, by name: what they cost is measured against it.

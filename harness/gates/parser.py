@@ -60,8 +60,8 @@ from harness.gates.model import (
 from harness.reference.prepare import INDEPENDENT
 from harness.scene.file import MAX_DEPTH_LIMIT, SceneFile
 from harness.scene.sensors import SAMPLERS
+from harness.scene.strategies import parse_strategy
 from harness.shader.samplers import DEFAULT, sampler_named
-from harness.shader.strategies import parse_strategy
 from harness.stats.agreement import SHARE
 from harness.stats.levels import family_level
 from harness.stats.paired import COUPLED, check_paired_tolerance

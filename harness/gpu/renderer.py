@@ -16,13 +16,13 @@ from harness.samples.keys import code_digest, digest
 from harness.samples.spent import spent
 from harness.samples.traits import Traits
 from harness.scene.model import Scene
+from harness.scene.strategies import check_strategy, parse_strategy
 from harness.shader.hosts.base import SEEDS
 from harness.shader.hosts.native import NATIVE
 from harness.shader.library import OURS
 from harness.shader.samplers import DEFAULT, Sampler, sampler_named
 from harness.shader.scene.lights import path_iterations
 from harness.shader.source import ShaderSource
-from harness.shader.strategies import check_strategy, parse_strategy
 
 
 class TracerRenderer:

@@ -26,10 +26,10 @@ from harness.results import Acquitted, AutopsyOutcome, AutopsyScore, NamedMutant
 from harness.samples.cost import Watch
 from harness.scene import SceneFile
 from harness.scene import load as read
+from harness.scene.strategies import DRAWS, suitable_strategies
 from harness.shader.functions import functions_of
 from harness.shader.library import GENERATED, OURS, Library, OwnFile
 from harness.shader.scene.materials import switches
-from harness.shader.strategies import DRAWS, suitable_strategies
 from harness.work.executors import executor
 
 SIZE = (48, 36)

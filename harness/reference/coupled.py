@@ -101,7 +101,7 @@ class CoupledRenderer:
     def __init__(self, scene: SceneFile, strategy: str, draw: str, lights: str, heuristic: str,
                  sampler: str = "independent") -> None:
         """Instantiate the scene. `strategy`: the name; what it means in `draw`, `lights` and `heuristic`, as
-        `harness.shader.strategies.Strategy` has them; `sampler`: where numbers come from, a name of
+        `harness.scene.strategies.Strategy` has them; `sampler`: where numbers come from, a name of
         `harness.shader.samplers`. SceneError for a scene outside our tracer's subset: it has no paths to follow
         there."""
         self.scene, self.sampler = scene, sampler

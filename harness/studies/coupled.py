@@ -23,7 +23,7 @@ from harness.samples.estimate import Accumulator, Batch, luminance, with_luminan
 from harness.samples.keys import code_digest, digest
 from harness.samples.memo import Warn, remembered
 from harness.scene import Scene, SceneFile, file_of
-from harness.shader.strategies import check_strategy
+from harness.scene.strategies import check_strategy
 from harness.stats.agreement import differing
 from harness.stats.paired import FLOAT32_FLOOR, paired_verdict
 from harness.stats.tiles import TileAccumulator, tile_size

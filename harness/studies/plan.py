@@ -13,8 +13,8 @@ from harness.estimators.tracer import Tracer
 from harness.samples.estimate import Estimate
 from harness.scene import Scene, present
 from harness.scene.model import is_black
+from harness.scene.strategies import DRAWS, STRATEGIES, check_strategy, suitable_strategies
 from harness.shader.samplers import EVEN
-from harness.shader.strategies import DRAWS, STRATEGIES, check_strategy, suitable_strategies
 from harness.stats.bias import error_scale
 from harness.stats.verdicts import Tolerance
 

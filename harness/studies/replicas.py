@@ -19,7 +19,7 @@ from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminanc
 from harness.samples.spent import spent
 from harness.samples.store import Store
 from harness.scene import Film, SceneFile
-from harness.shader.strategies import Suited
+from harness.scene.strategies import Suited
 from harness.stats.convergence import fit_slope
 from harness.stats.findings import judge_tiles
 from harness.stats.tiles import TileAccumulator, TileSamples, tile_size

@@ -19,8 +19,8 @@ from harness.results import StrategyResult, StudyResult
 from harness.samples.estimate import Estimate
 from harness.samples.store import Store
 from harness.scene import Film, Scene, SceneFile, describe, file_of, load, present
+from harness.scene.strategies import Suited, suitable_strategies
 from harness.shader.samplers import DEFAULT, sampler_named
-from harness.shader.strategies import Suited, suitable_strategies
 from harness.stats.bias import error_scale
 from harness.stats.tiles import tile_size
 from harness.stats.verdicts import Tolerance

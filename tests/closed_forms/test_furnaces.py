@@ -15,7 +15,7 @@ from harness.gpu.renderer import TracerRenderer
 from harness.samples.estimate import Batch, Estimate, merge
 from harness.scene import Camera, Material, Scene, Shape, load_scene
 from harness.scene.model import RGB, Checkerboard, Procedural, Varying
-from harness.shader.strategies import STRATEGIES, check_strategy
+from harness.scene.strategies import STRATEGIES, check_strategy
 
 SCENES = Path(__file__).parents[2] / "mitsuba_scenes"
 BATCHES = 16

@@ -9,8 +9,8 @@ import pytest
 from harness.diagnosis.lights import with_lights
 from harness.diagnosis.record import AutopsyRecord
 from harness.scene import SceneFile
+from harness.scene.strategies import parse_strategy
 from harness.shader.library import OURS
-from harness.shader.strategies import parse_strategy
 
 SIZE = (24, 24)
 # An autopsy that found the paths right.

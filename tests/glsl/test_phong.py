@@ -10,8 +10,8 @@ import pytest
 from harness.checks import shared_level, weight
 from harness.checks.shader import lobe_albedo
 from harness.scene import Material
+from harness.scene.strategies import DRAWS
 from harness.shader.scene.materials import glossy_probability
-from harness.shader.strategies import DRAWS
 from tests.support.tracer import evaluate
 
 DIFFUSE = Material((0.8, 0.5, 0.2), (0, 0, 0), 1.0)

@@ -17,7 +17,7 @@ from harness.checks.shader import Probe, Vertex, sampler
 from harness.course.variants import LOBE_PDF
 from harness.reference.plugins import register_plugins
 from harness.scene import Scene
-from harness.shader.strategies import DRAWS
+from harness.scene.strategies import DRAWS
 from tests.support.tracer import TracerRenderer, evaluate
 
 FAMILY = 1e-3

@@ -14,7 +14,7 @@ from harness.gpu import context, pingpong, renderer
 from harness.gpu.context import device
 from harness.gpu.device import Device
 from harness.scene import load_scene
-from harness.shader.strategies import STRATEGIES
+from harness.scene.strategies import STRATEGIES
 from harness.work.batches import render_estimate
 
 SKY = Path(__file__).parents[2] / "mitsuba_scenes" / "furnace_convex.xml"

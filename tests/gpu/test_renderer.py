@@ -17,7 +17,7 @@ from harness.gpu.context import device
 from harness.samples.estimate import Batch
 from harness.samples.keys import code_digest
 from harness.scene import Camera, Material, Scene, Shape, load_scene
-from harness.shader.strategies import DRAWS, STRATEGIES, check_strategy, suitable_strategies
+from harness.scene.strategies import DRAWS, STRATEGIES, check_strategy, suitable_strategies
 from tests.support.tracer import TracerRenderer, library, tracer_source
 
 SCENES = Path(__file__).parents[2] / "mitsuba_scenes"

@@ -14,11 +14,11 @@ from harness.gpu.context import Program
 from harness.gpu.probes import evaluate
 from harness.gpu.renderer import TracerRenderer
 from harness.scene import Camera, Material, Scene, Shape, load_scene
+from harness.scene.strategies import STRATEGIES, parse_strategy
 from harness.shader.library import OURS
 from harness.shader.scene.chunk import scene_chunk
 from harness.shader.scene.geometry import geometric_normal
 from harness.shader.scene.materials import glossy_probability
-from harness.shader.strategies import STRATEGIES, parse_strategy
 
 SCENES = sorted((Path(__file__).parents[2] / "mitsuba_scenes").glob("*.xml"))
 IDENTITY = tuple(map(tuple, np.eye(4)))

@@ -13,8 +13,8 @@ from harness.machine.mitsuba_runtime import import_mitsuba
 from harness.scene import Scene, load_scene
 from harness.scene.importance import bilinear
 from harness.scene.lights import ENVIRONMENT, MOST_LIGHTS, lights_sampled
+from harness.scene.strategies import suitable_strategies
 from harness.shader.library import OURS
-from harness.shader.strategies import suitable_strategies
 
 SAMPLING = ("nee", "mis")
 KD = 0.5

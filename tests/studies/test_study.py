@@ -20,7 +20,7 @@ from harness.samples.estimate import Batch, Estimate
 from harness.samples.store import Store, schedule
 from harness.scene import Film, Scene
 from harness.scene.model import Displacement, Procedural
-from harness.shader.strategies import Suited
+from harness.scene.strategies import Suited
 from harness.stats.verdicts import Tolerance
 from harness.studies.plan import PROFILES, exhibited_strategies, judged, prefix_sizes, replicas_needed
 from harness.studies.replicas import Reference, Replicas

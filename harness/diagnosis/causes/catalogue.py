@@ -17,8 +17,8 @@ from typing import Any
 
 from harness.errors import HarnessError
 from harness.scene.footprint import Footprint
+from harness.scene.strategies import DRAWS
 from harness.shader.library import OURS, Library
-from harness.shader.strategies import DRAWS
 
 FOLDER = Path(__file__).parent / "defects"
 LINES = Path(__file__).parent / "lines.toml"

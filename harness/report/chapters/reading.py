@@ -11,6 +11,7 @@ from harness.report.headline import Pair, false_alarms, judged_pairs
 from harness.report.inputs import Inputs
 from harness.report.tables import EXPECTED_SLOPE
 from harness.report.texts import filled, read
+from harness.scene.strategies import TABLE
 from harness.stats.tiles import LARGER, PATCH
 
 PLACE = 10
@@ -27,7 +28,9 @@ def glossary(judged: Sequence[Pair]) -> tuple[Term, ...]:
     """Every term with its meaning, lines joined and gaps filled; metrics that have none, from their registry."""
     marks: dict[str, str] = {str(name): symbol for name, symbol in SYMBOLS.items()}
     gaps = {**marks, "larger": formats.fraction(LARGER), "patch": formats.share(PATCH),
-            "slope": formats.fraction(EXPECTED_SLOPE), "rate": formats.percent(false_alarms(judged), decimals=1)}
+            "slope": formats.fraction(EXPECTED_SLOPE),
+            "strategies": "; ".join(f"{each.name}, {each.sentence}" for each in TABLE),
+            "rate": formats.percent(false_alarms(judged), decimals=1)}
     terms: list[Term] = []
     held = read(_GLOSSARY)["term"]
     for term in held:

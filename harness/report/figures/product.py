@@ -15,11 +15,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from harness.files import write_atomically
-from harness.report.figures.style import GUIDE_COLOUR, TOLERANCE_COLOUR, Style, styles
+from harness.report.figures.style import GUIDE_COLOUR, TOLERANCE_COLOUR, styles
 from harness.report.figures.svg import blank, svg
 from harness.report.formats import MINUS, significant
 from harness.results import StrategyResult, StudyResult
 from harness.samples.spent import spent
+from harness.scene.strategies import Style
 from harness.stats.convergence import band
 from harness.stats.efficiency import Factor
 from harness.studies.costs import costs_of

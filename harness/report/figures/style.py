@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
+
+from harness.scene.strategies import TABLE, Style
 
 # Text stays text in the SVG; the page's typesetter finds the same fonts, which matplotlib brings with it.
 FONT = "STIXGeneral"
@@ -51,26 +52,7 @@ def font_folder() -> Path:
     return Path(matplotlib.get_data_path()) / "fonts" / "ttf"
 
 
-@dataclass(frozen=True)
-class Style:
-    """Colour (hexadecimal) and matplotlib marker of one strategy, and the letter-sized glyph of that marker."""
-
-    colour: str
-    marker: str
-    glyph: str
-
-
-# The palette of Okabe and Ito (2008, "Color Universal Design"), told apart with any common colour blindness;
-# the markers tell the lines apart in greyscale.
-_STYLES = {
-    "uniform": Style("#0072b2", "o", "●"),
-    "cosine": Style("#e69f00", "s", "■"),
-    "phong": Style("#cc79a7", "^", "▲"),
-    "lobes": Style("#009e73", "D", "◆"),
-    "mixture": Style("#d55e00", "v", "▼"),
-    "nee": Style("#56b4e9", "P", "✚"),
-    "mis": Style("#000000", "X", "✖"),
-}
+_STYLES = {each.name: each.style for each in TABLE if each.style is not None}
 _OTHERS = (Style("#8c8c00", "*", "★"), Style("#7f5fa8", "p", "⬟"), Style("#6b6b6b", "h", "⬢"))
 # Where one figure shows more strangers than these, those after them have the same colours and other markers.
 _MORE = ("<", ">", "d")

@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 
 from harness.errors import HarnessError
 from harness.scene.model import Scene
+from harness.scene.strategies import check_strategy
 from harness.shader.exports import glsl, glslviewer, gratin, shadertoy, webgl
 from harness.shader.exports.base import Job
 from harness.shader.library import OURS, Library
-from harness.shader.strategies import check_strategy
 
 Exporter = Callable[[Job], Mapping[str, str | bytes]]
 HOSTS: dict[str, Exporter] = {module.HOST: module.export for module in (gratin, shadertoy, glslviewer, webgl, glsl)}

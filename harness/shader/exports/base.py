@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from importlib import metadata
 
 from harness.scene.model import Scene
+from harness.scene.strategies import parse_strategy
 from harness.shader.exports.readable import Text, split
 from harness.shader.library import GENERATED, Library
 from harness.shader.scene.chunk import scene_chunk
 from harness.shader.scene.lights import path_iterations
 from harness.shader.scene.literals import in_comment, number
-from harness.shader.strategies import parse_strategy
 
 # Iterations of all loops of one invocation that no driver leaves early: see harness/gpu/device.py.
 MAX_ITERATIONS = 32_768

@@ -14,6 +14,7 @@ import numpy as np
 from harness.scene.frame import framed, spread
 from harness.scene.model import EnvironmentMap, Scene, as_matrix
 from harness.scene.motion import settled
+from harness.scene.strategies import parse_strategy
 from harness.shader.scene.displaced import displaced, march_declarations
 from harness.shader.scene.environment import environment_function
 from harness.shader.scene.geometry import intersect_function, normal_function, projection_function
@@ -29,7 +30,6 @@ from harness.shader.scene.materials import (
 from harness.shader.scene.motion import Motions
 from harness.shader.scene.textures import declarations, uv_users
 from harness.shader.scene.uv import uv_function
-from harness.shader.strategies import parse_strategy
 
 # Rounding leaves a hit off its shape by two or three float32 spacings (2^-24) of the length t of its ray. Where no ray
 # is longer than this, that is at most a quarter of what rays are lifted off surfaces by, and to project hits onto their

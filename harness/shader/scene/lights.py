@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.scene.lights import ENVIRONMENT, Light, area, face_areas, lights_sampled, reach
 from harness.scene.model import EnvironmentMap, Procedural, Scene, Shape
+from harness.scene.strategies import LIGHTS, Strategy
 from harness.shader.scene.displaced import march_steps
 from harness.shader.scene.environment import sampling_functions
 from harness.shader.scene.geometry import geometric_normal
@@ -19,7 +20,6 @@ from harness.shader.scene.literals import chosen, function, is_any, number, vect
 from harness.shader.scene.motion import Motions
 from harness.shader.scene.procedural import lanes
 from harness.shader.scene.textures import uv_users
-from harness.shader.strategies import LIGHTS, Strategy
 
 # Shapes that are met from inside in every direction, where they shine inwards.
 CLOSED = ("sphere", "cube")
