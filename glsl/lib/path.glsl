@@ -5,7 +5,7 @@
 
 #include "lib/random.glsl"
 #include "lib/camera.glsl"
-#include "lib/phong.glsl"
+#include "lib/bsdf.glsl"
 #include "lib/interface.glsl"
 
 // Lifts a scattered ray's origin off its surface. Mitsuba's own offset, SurfaceInteraction::offset_p: 1500 units
@@ -99,9 +99,9 @@ LightRay aim_at_light(Material m, vec3 o, vec3 n, vec3 v)
     float cos_l = dot(n, found.l);
     vec3 weight = vec3(0.0);
     if (cos_l > 0.0 && pdf > 0.0) {
-        weight = eval_phong(m, dot(2.0 * dot(n, v) * n - v, found.l)) * (cos_l / pdf);
+        weight = eval_bsdf(m, n, v, found.l) * (cos_l / pdf);
 #if LIGHTS == LIGHTS_MIS
-        weight *= mis_weight(pdf, pdf_phong(m, n, v, found.l));
+        weight *= mis_weight(pdf, pdf_bsdf(m, n, v, found.l));
 #endif
     }
     return LightRay(found.l, weight, light, found.least);
@@ -260,15 +260,15 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
                 LightRay ray = aim_at_light(material(id, rest, uv), offset_origin(p, n), n, -d);
                 ray.weight *= throughput;
 #endif
-                vec3 l;
-                throughput *= sample_phong(material(id, rest, uv), n, -d, l);
+                Scatter drawn = sample_bsdf(material(id, rest, uv), n, -d);
+                throughput *= drawn.weight;
 #if LIGHTS == LIGHTS_MIS
-                direction_pdf = pdf_phong(material(id, rest, uv), n, -d, l);
+                direction_pdf = drawn.pdf;
 #endif
                 o = offset_origin(p, n);
-                d = l;
+                d = drawn.l;
                 reach = NO_HIT;
-                alive = goes_on(id, n, l, throughput);
+                alive = goes_on(id, n, drawn.l, throughput);
 #if LIGHTS == LIGHTS_NEE
                 alive = alive && vertex + 1 < MAX_DEPTH;  // what the last ray would meet has been sampled
 #endif

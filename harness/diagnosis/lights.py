@@ -115,10 +115,10 @@ def _functions(scene: Scene, stage: _Stage) -> Sequence[str]:
     kinds = [scene.shapes[light.shape].kind for light in lights if light.shape != ENVIRONMENT]
     sky = any(light.shape == ENVIRONMENT for light in lights)
     if stage.way == "mis":
-        return ["mis_weight", "pdf_phong", *(name for kind in kinds for name in _DENSITIES[kind]), "trace_samples",
-                "aim_at_light"]
+        return ["mis_weight", "pdf_phong", "pdf_bsdf", "sample_bsdf",
+                *(name for kind in kinds for name in _DENSITIES[kind]), "trace_samples", "aim_at_light"]
     if not stage.first_vertex:
         return ["trace_samples", "aim_at_light"]
     return [*(name for kind in kinds for name in _DRAWS[kind]),
             *(("sample_environment_texel", "sample_tent", "sample_cap", "place_in_run") if sky else ()),
-            "aim_at_light", "light_reached", "eval_phong"]
+            "aim_at_light", "light_reached", "eval_bsdf", "eval_phong"]

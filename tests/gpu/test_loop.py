@@ -70,7 +70,7 @@ def test_a_generator_of_ones_own_keeps_its_order(wide: None) -> None:
     (OURS.with_functions("course/below_surface.glsl"), ["ENDS_BY_DIRECTION"]),
     (OURS.with_line("lib/sampling.glsl", "const float INV_PI = 0.318309886183791;", "const float INV_PI = 0.31831;"),
      ["ENDS_BY_DIRECTION"]),
-    (OURS.with_line("lib/path.glsl", "d = l;", "d = -l;"), []),
+    (OURS.with_line("lib/path.glsl", "d = drawn.l;", "d = -drawn.l;"), []),
 ])
 def test_the_loop_takes_for_granted_our_own_functions_only(library: Library, found: list[str]) -> None:
     head = library.tracer(scene_of("spheres"), "lobes").text.partition("#line")[0]

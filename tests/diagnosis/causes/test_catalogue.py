@@ -65,7 +65,7 @@ def test_footprints_are_what_their_lines_draw() -> None:
     ('edit = { weight = "x" }\nstrategy = "mixture"', "3: unknown key 'strategy' of a defect"),
     ('edit = { wait = "x" }', "3: unknown line 'wait'"),
     ('edit = { weight = 3 }', "3: the replacement of 'weight' must be a text"),
-    ('edit = { direction = "d = l;" }', "3: the replacement of 'direction' must be a text, and another"),
+    ('edit = { direction = "d = drawn.l;" }', "3: the replacement of 'direction' must be a text, and another"),
     ('edit = { weight = "x" }\nstrategies = ["mis"]', "3: unknown strategy 'mis'"),
     (f'edit = {{ weight = "x" }}\n{ENTRY}edit = {{ weight = "x" }}', "the id 'one' is taken by"),
     (f'edit = {{ weight = "x" }}\n{ENTRY.replace("one", " ")}', "a defect needs 'id', a text that is not empty"),

@@ -108,8 +108,8 @@ def merge_scaled(estimate: Estimate, factor: float) -> Estimate:
 
 
 def test_tells_factors_of_bounces_and_places(reference: Estimate, store: Store) -> None:
-    library = OURS.with_line("lib/path.glsl", "throughput *= sample_phong(material(id, rest, uv), n, -d, l);",
-                             "throughput *= (id == 3 ? 0.4 : 1.0) * sample_phong(material(id, rest, uv), n, -d, l);")
+    library = OURS.with_line("lib/path.glsl", "throughput *= drawn.weight;",
+                             "throughput *= (id == 3 ? 0.4 : 1.0) * drawn.weight;")
     found = diagnose(SCENE, drawn(library), reference, store=store, defects=DEFECTS, truth=Tracer("mixture"))
     assert found.factors is not None
     assert not found.factors.fit.same
