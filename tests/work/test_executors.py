@@ -194,6 +194,32 @@ class TestSlurm:
         with pytest.raises(HarnessError, match=said), executor("slurm", 2, options=options):
             raise AssertionError("opened")
 
+    def test_without_accounts_the_queue_tells_what_became_of_jobs(self, tmp_path: Path,
+                                                                  monkeypatch: pytest.MonkeyPatch) -> None:
+        """With `sacct` that refuses, as Slurm's does where nobody set up a database, submitit would wait for ever."""
+        import submitit
+
+        from harness.work.executors.queue import Queue
+
+        jobs = "7_0|RUNNING", "7_1|CANCELLED", "7_2|PENDING", "9|RUNNING"
+        programs = {"sacct": "exit 1", "sbatch": "exit 1",
+                    "squeue": f"test -e broken && exit 1; printf '%s\\n' {' '.join(map(repr, jobs))}"}
+        for name, body in programs.items():
+            (tmp_path / name).write_text(f"#!/bin/sh\n{body}\n")
+            (tmp_path / name).chmod(0o755)
+        monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(submitit.SlurmJob, "watcher", submitit.SlurmJob.watcher)
+        with executor("slurm", options={"folder": str(tmp_path)}):
+            queue = submitit.SlurmJob.watcher
+            assert isinstance(queue, Queue)
+        for job in ("7_0", "7_1", "7_2", "8_0"):
+            queue.register_job(job)
+        assert {job: queue.is_done(job, mode="force") for job in ("7_0", "7_1", "7_2", "8_0")} == {
+            "7_0": False, "7_1": True, "7_2": False, "8_0": True}
+        (tmp_path / "broken").touch()
+        assert not queue.is_done("7_0", mode="force"), "a controller that is silent has ended no job"
+
     def test_no_slurm_here_is_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("PATH", "")
         with pytest.raises(MachineError, match="no `sbatch` on this machine"), executor("slurm"):

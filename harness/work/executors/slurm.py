@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import secrets
 import shutil
+import subprocess
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -29,6 +30,14 @@ POLL_SECONDS = 0.5
 ENDING_SECONDS = 30
 # What submitit knows of every cluster; the rest is Slurm's.
 COMMON = ("name", "timeout_min", "mem_gb", "nodes", "cpus_per_task", "gpus_per_node", "tasks_per_node")
+
+
+def keeps_accounts() -> bool:
+    """Whether `sacct` answers, by which submitit sees what became of jobs: small clusters often have no accounting."""
+    try:
+        return subprocess.run(["sacct", "--noheader", "--jobs=1"], capture_output=True).returncode == 0
+    except OSError:
+        return False
 
 
 class Slurm:
@@ -56,6 +65,10 @@ class Slurm:
         if self._cluster == "slurm" and not shutil.which("sbatch"):
             raise MachineError("--executor slurm found no `sbatch` on this machine; run it where Slurm jobs are "
                                "submitted, or try it here with --cluster cluster=local")
+        if self._cluster == "slurm" and not keeps_accounts():
+            from harness.work.executors.queue import Queue
+
+            submitit.SlurmJob.watcher = Queue()
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             self._executor = submitit.AutoExecutor(self._folder, cluster=self._cluster)
