@@ -74,9 +74,14 @@ class Tracer:
 
     def source(self, scene: SceneFile) -> ShaderSource:
         """The shader that `open` compiles."""
-        return self.whole_library().tracer(self._reading(scene), self.strategy)
+        return self.source_of(self.reading(scene))
 
-    def _reading(self, scene: SceneFile) -> Scene:
+    def source_of(self, reading: Scene) -> ShaderSource:
+        """The same, of what `reading` gave."""
+        return self.whole_library().tracer(reading, self.strategy)
+
+    def reading(self, scene: SceneFile) -> Scene:
+        """What of the scene is drawn. SceneError for one outside our subset, HarnessError for an unknown strategy."""
         reading = load(scene)
         for feature in self.without:
             reading = FEATURES[feature](reading)
@@ -87,9 +92,15 @@ class Tracer:
     def open(self, scene: SceneFile) -> Iterator[TracerRenderer]:
         """HarnessError for an unknown strategy or sampler, SceneError for a scene outside our subset, ShaderError for a
         shader that does not compile."""
-        reading = self._reading(scene)
-        renderer = TracerRenderer(reading, self.strategy, self.whole_library().tracer(reading, self.strategy),
-                                  sampler_named(self.sampler))
+        reading = self.reading(scene)
+        with self.compiled(reading, self.source_of(reading)) as renderer:
+            yield renderer
+
+    @contextmanager
+    def compiled(self, reading: Scene, source: ShaderSource) -> Iterator[TracerRenderer]:
+        """The renderer of what `reading` and `source_of` gave, for who has them already. ShaderError for a shader that
+        does not compile."""
+        renderer = TracerRenderer(reading, self.strategy, source, sampler_named(self.sampler))
         try:
             yield renderer
         finally:

@@ -20,7 +20,7 @@ from harness.mutants.catalogue import Mutant, mutated
 from harness.mutants.matrix import State
 from harness.samples.estimate import Batch, with_luminance
 from harness.samples.store import Store
-from harness.scene import Film
+from harness.scene import Film, Scene
 from harness.shader.conditionals import preprocess
 from harness.shader.lexer import without_comments
 from harness.shader.library import OURS, Library
@@ -39,12 +39,15 @@ TESTS_FAILED, TESTS_PASSED = 1, 0
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """A gate with what its glance needs: the film, the right shader and its first batch, the reference."""
+    """A gate with what its glance needs: the film, the scene, the right shader and its first batch, the reference;
+    `lines`: those of `compiled`, to look one up."""
 
     gate: Gate
     test: Tracer
     film: Film
+    scene: Scene
     compiled: tuple[str, ...]
+    lines: frozenset[str]
     right: Batch
     reference: TileSamples
 
@@ -66,7 +69,7 @@ class Judge:
     def check_gate(self, name: str) -> str:
         """What is wrong with a gate while the shader is right, at a glance; empty if nothing. Renders its reference."""
         prepared = self._prepare(self._gates[name])
-        with prepared.test.open(prepared.gate.scene) as renderer:
+        with prepared.test.compiled(prepared.scene, prepared.test.source_of(prepared.scene)) as renderer:
             return _unsound(prepared.gate) if _glance(prepared, renderer) == "killed" else ""
 
     def check_module(self, name: str) -> str:
@@ -111,9 +114,11 @@ class Judge:
                                  "'strategy', or name another gates file")
             reference = self._references.of(_with_small_reference(gate))
             reference.grow(gate.looks[0])
-            with test.open(gate.scene) as renderer:
+            scene = test.reading(gate.scene)
+            with test.compiled(scene, test.source_of(scene)) as renderer:
                 right = renderer.render_batch(0, 0, GLANCE_SPP)
-                self._prepared[gate.name] = _Prepared(gate, test, film, _compiled(renderer.source), right,
+                compiled = _compiled(renderer.source)
+                self._prepared[gate.name] = _Prepared(gate, test, film, scene, compiled, frozenset(compiled), right,
                                                       reference.tiles(gate.looks[0]))
         return self._prepared[gate.name]
 
@@ -155,12 +160,25 @@ def _infected(prepared: _Prepared, mutant: Mutant) -> Tracer:
 
 def _first_sight(prepared: _Prepared, mutant: Mutant) -> State:
     """What a gate says of a mutant at a glance, if its shader is another than the right one."""
-    infected = _infected(prepared, mutant)
-    if _compiled(infected.source(prepared.gate.scene)) == prepared.compiled:
+    if _is_left_out(prepared, mutant):
         return "untouched"
-    with infected.open(prepared.gate.scene) as renderer:
+    infected = _infected(prepared, mutant)
+    source = infected.source_of(prepared.scene)
+    if _compiled(source) == prepared.compiled:
+        return "untouched"
+    with infected.compiled(prepared.scene, source) as renderer:
         touched = _differ(renderer.render_batch(0, 0, GLANCE_SPP), prepared.right)
         return _glance(prepared, renderer) if touched else "untouched"
+
+
+def _is_left_out(prepared: _Prepared, mutant: Mutant) -> bool:
+    """Whether a compiler does not see the line that the mutant exchanges, told without writing another shader.
+
+    Not told of what decides which lines are seen, nor of a line that takes no whole line of ours.
+    """
+    line, *others = (each.strip() for each in without_comments(mutant.line, mutant.id).splitlines())
+    return not others and not line.startswith("#") and not mutant.replacement.startswith("#") and \
+        line not in prepared.lines
 
 
 def _compiled(source: ShaderSource) -> tuple[str, ...]:
