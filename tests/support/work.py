@@ -39,6 +39,17 @@ def deadly(number: int) -> int:
     return number
 
 
+def warned(trace: str) -> int:
+    """The number of this call, counted in a file; in the first and the third the worker is told to end soon."""
+    with Path(trace).open("a+", encoding="utf-8") as file:
+        file.write("called\n")
+        file.seek(0)
+        number = len(file.readlines())
+    if number in (1, 3):
+        os.kill(os.getpid(), signal.SIGUSR2)
+    return number
+
+
 def deadly_once(trace: str) -> str:
     """Ends the first worker that meets it. `trace`: a file that tells whether one has."""
     if trace and not Path(trace).exists():

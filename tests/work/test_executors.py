@@ -23,7 +23,7 @@ from harness.work.executors import EXECUTORS, Executor, base, executor
 from harness.work.executors.base import ONE_THREAD
 from harness.work.executors.processes import Processes
 from harness.work.tasks import draw, tasks_of
-from tests.support.work import deadly, deadly_once, mark, marked, picky, process, square
+from tests.support.work import deadly, deadly_once, mark, marked, picky, process, square, warned
 
 SPHERES = SceneFile(data_dir("mitsuba_scenes") / "spheres.xml", size=(24, 18))
 # Slurm's jobs in this process; those of another are `TestSlurm`'s.
@@ -169,6 +169,17 @@ class TestSlurm:
         found = [sorted((path.name, read.mean.tobytes()) for _, _, path in store.files() if (read := store.read(path)))
                  for store in (Store(tmp_path / "here"), Store(tmp_path / "there"))]
         assert found[0] == found[1] and len(found[0]) == len(tasks)
+
+    def test_a_job_whose_time_is_nearly_over_leaves_the_rest_to_another(self, tmp_path: Path,
+                                                                        monkeypatch: pytest.MonkeyPatch) -> None:
+        """It ends what it is doing: nothing is done twice."""
+        import submitit
+
+        monkeypatch.setattr(submitit.core.core.Job, "_results_timeout_s", 0)
+        monkeypatch.setattr(base, "ALLOWED_LOSSES", 1)
+        with executor("slurm", 1, options={"cluster": "local", "folder": str(tmp_path / "jobs"), "time": 5}) as workers:
+            trace = str(tmp_path / "trace")
+            assert list(workers.map(warned, [trace] * 5)) == [1, 2, 3, 4, 5]
 
     def test_work_is_shared_out_evenly(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """And so that the first results come from all jobs."""

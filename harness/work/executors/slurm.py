@@ -5,7 +5,9 @@ from __future__ import annotations
 import pickle
 import secrets
 import shutil
+import signal
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -26,6 +28,8 @@ CLUSTER, FOLDER, TIME = "cluster", "folder", "time"
 LOCAL, DEBUG = "local", "debug"
 # How often it is looked whether a result is there.
 POLL_SECONDS = 0.5
+# What Slurm sends to a job 90 seconds before it runs out of time, as submitit asks it to.
+WARNING = signal.SIGUSR2
 # Seconds that a job may take to end when it has nothing more to do.
 ENDING_SECONDS = 30
 # What submitit knows of every cluster; the rest is Slurm's.
@@ -139,7 +143,8 @@ class Slurm:
         if not shares:
             return []
         with one_thread(), self._executor.batch():
-            jobs = [self._executor.submit(_share, work, self._prepare, share, place) for share in shares]
+            jobs = [self._executor.submit(_share, work, self._prepare, share, place, told=self._cluster != DEBUG)
+                    for share in shares]
         self._running += jobs
         if self._cluster == DEBUG:  # whose jobs begin when they are asked for what they return
             for job in jobs:
@@ -147,11 +152,12 @@ class Slurm:
         return jobs
 
     def _require_lost(self, job: Any) -> None:
-        """Of a job that ended without the result that is next: HarnessError unless it was killed."""
+        """Of a job that ended without the result that is next: HarnessError unless it was killed, or told to end."""
         from submitit.core.utils import FailedJobError, UncompletedJobError
 
         try:
-            job.result()
+            if not job.result():
+                return
         except UncompletedJobError:
             return
         except FailedJobError as error:  # errors of the work come as results: this is one of the job around it
@@ -162,9 +168,11 @@ class Slurm:
                            "disk that all nodes share with --cluster folder=PLACE")
 
 
-def _share(work: Callable[[Item], Result], prepare: Prepare | None, share: Mapping[int, Item], place: Path) -> None:
+def _share(work: Callable[[Item], Result], prepare: Prepare | None, share: Mapping[int, Item], place: Path,
+           *, told: bool) -> bool:
     """What a job does: leaves (None, the result) of each item, by its number, and (the error, None) of the first that
-    has one, its last."""
+    has one, its last. False where it was `told` to end before the last."""
+    ending = _told_to_end() if told else lambda: False
     failed: Exception | None = None
     try:
         if prepare:
@@ -172,6 +180,8 @@ def _share(work: Callable[[Item], Result], prepare: Prepare | None, share: Mappi
     except Exception as error:
         failed = error
     for number, item in share.items():
+        if ending():
+            return False
         result = None
         try:
             result = work(item) if failed is None else None
@@ -180,7 +190,19 @@ def _share(work: Callable[[Item], Result], prepare: Prepare | None, share: Mappi
         with write_atomically(place / f"{number}.pickle") as partial:
             partial.write_bytes(pickle.dumps((failed, result)))
         if failed is not None:
-            return
+            return True
+    return True
+
+
+def _told_to_end() -> Callable[[], bool]:
+    """Whether this job has been told that its time will soon be over, or that another needs its place.
+
+    In place of submitit's answer to that signal, an exception wherever the work stands: what is being done is done to
+    its end, if there is time for it, and another job goes on with the rest.
+    """
+    heard = threading.Event()
+    signal.signal(WARNING, lambda number, frame: heard.set())
+    return heard.is_set
 
 
 def _outcome(place: Path, number: int) -> Any:
