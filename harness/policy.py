@@ -8,6 +8,7 @@ import math
 from harness.samples.estimate import Estimate
 from harness.scene import Scene
 from harness.stats.bias import MeanErrorVerdict, mean_error_verdict
+from harness.stats.deviates import staged
 from harness.stats.levels import family_level
 from harness.stats.verdicts import TESTS, Tolerance
 
@@ -23,11 +24,15 @@ FALSE_ALARMS = 0.01
 
 
 def judge(test: Estimate, reference: Estimate, *, tolerance: float = TOLERANCE, confidence: float = CONFIDENCE,
-          fail_level: float | None = None) -> MeanErrorVerdict:
-    """Is the test's image mean equivalent to the reference's, per channel and in luminance?"""
+          fail_level: float | None = None, looked: tuple[int | None, int | None] = (None, None)) -> MeanErrorVerdict:
+    """Is the test's image mean equivalent to the reference's, per channel and in luminance?
+
+    `looked`: of test and reference, the first batches whose variance decided how many to draw; None where nothing did.
+    """
     return mean_error_verdict(
-        test.image_mean, test.image_variance, _degrees_of_freedom(test),
-        reference.image_mean, reference.image_variance, _degrees_of_freedom(reference),
+        test.image_mean, test.image_variance, _degrees_of_freedom(test, looked[0]),
+        reference.image_mean, reference.image_variance, _degrees_of_freedom(reference, looked[1]),
+        test_third=test.image_third, reference_third=reference.image_third,
         tolerance=tolerance, confidence=confidence, fail_level=fail_level)
 
 
@@ -54,5 +59,8 @@ def tolerance_for(scene: Scene) -> tuple[Tolerance, str]:
     return usual, ""
 
 
-def _degrees_of_freedom(estimate: Estimate) -> float:
-    return math.inf if estimate.batches == 0 else estimate.batches - 1
+def _degrees_of_freedom(estimate: Estimate, looked: int | None) -> float:
+    if estimate.batches == 0:
+        return math.inf
+    dof = estimate.batches - 1
+    return dof if looked is None else staged(looked - 1, dof)

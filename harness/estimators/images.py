@@ -206,7 +206,8 @@ def _pooled(images: Sequence[ReadImage]) -> Estimate | None:
     freedom = sum(estimate.batches - 1 for estimate in estimates)
     merged = Estimate(summed("mean", 1), summed("variance", 2), summed("luminance_variance", 2),
                       summed("image_mean", 1), summed("image_variance", 2), int(samples.sum()), freedom + 1)
-    return replace(merged, rejected=sum(estimate.rejected for estimate in estimates),
+    known = all(estimate.image_third is not None for estimate in estimates)
+    return replace(merged, image_third=summed("image_third", 3) if known else None, rejected=sum(estimate.rejected for estimate in estimates),
                    cost=total_cost(estimate.cost for estimate in estimates))
 
 

@@ -45,7 +45,8 @@ class Estimate:
     `image_mean`, `image_variance`: (4,), the mean over all pixels of red, green, blue, luminance, and the variance
     of those four by batch means, which assumes nothing about correlation between pixels.
     Variances are NaN with fewer than two batches, and zero for an exact answer (`batches` = 0). `third`: (H, W, 3), the
-    third central moment of the mean; None where it is not known, as of fewer than three batches.
+    third central moment of the mean; `image_third`: (4,), those of `image_mean`. None where they are not known, as of
+    fewer than three batches.
     """
 
     mean: np.ndarray
@@ -58,6 +59,7 @@ class Estimate:
     rejected: int = 0
     cost: Cost = field(default_factory=Cost.unknown)
     third: np.ndarray | None = None
+    image_third: np.ndarray | None = None
 
     @classmethod
     def exact(cls, mean: np.ndarray) -> Estimate:
@@ -83,6 +85,7 @@ class Accumulator:
         self._mean = self._m2 = np.zeros(())  # (H, W, 4): red, green, blue, luminance
         self._m3 = np.zeros(())  # (H, W, 3)
         self._image_m2 = np.zeros(4)
+        self._image_m3 = np.zeros(4)
 
     def add(self, batch: Batch) -> None:
         """Merge one batch; ValueError when it holds no samples or its image size is not that of those before it."""
@@ -101,12 +104,13 @@ class Accumulator:
         self._cost = batch.cost if self._cost is None else self._cost + batch.cost
         before = value - self._mean
         held, share = self.samples - batch.samples, batch.samples / self.samples
-        colours = before[..., :3]
+        colours, image = before[..., :3], before.mean((0, 1))
         self._m3 += colours * share * (colours**2 * held * (1 - 2 * share) - 3 * self._m2[..., :3])
+        self._image_m3 += image * share * (image**2 * held * (1 - 2 * share) - 3 * self._image_m2)
         self._mean += before * (batch.samples / self.samples)
         after = value - self._mean
         self._m2 += batch.samples * before * after
-        self._image_m2 += batch.samples * before.mean((0, 1)) * after.mean((0, 1))
+        self._image_m2 += batch.samples * image * after.mean((0, 1))
 
     @property
     def mean(self) -> np.ndarray:
@@ -119,12 +123,13 @@ class Accumulator:
             raise ValueError("no batch to estimate from")
         scale = 1.0 / ((self.batches - 1) * self.samples) if self.batches > 1 else np.nan
         variance = self._m2 * scale
-        third = None
+        third = image_third = None
         if self.batches > 2:
-            third = self._m3 / (self.samples * (self.batches - 1) * (self.batches - 2))
+            cubes = 1.0 / (self.samples * (self.batches - 1) * (self.batches - 2))
+            third, image_third = self._m3 * cubes, self._image_m3 * cubes
         return Estimate(self.mean, variance[..., :3], variance[..., 3], self._mean.mean((0, 1)),
                         self._image_m2 * scale, self.samples, self.batches, self.rejected,
-                        self._cost or Cost.unknown(), third)
+                        self._cost or Cost.unknown(), third, image_third)
 
 
 def merge(batches: Iterable[Batch]) -> Estimate:

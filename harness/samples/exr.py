@@ -62,6 +62,8 @@ def write_estimate(path: str | Path, estimate: Estimate, metadata: Mapping[str, 
     facts = {"samples": estimate.samples, "batches": estimate.batches, "rejected": estimate.rejected,
              "cost": asdict(estimate.cost), "image_mean": estimate.image_mean.tolist(),
              "image_variance": estimate.image_variance.tolist()}
+    if estimate.image_third is not None:
+        facts["image_third"] = estimate.image_third.tolist()
     _write(Path(path), channels, {**(metadata or {}), _ESTIMATE: json.dumps(facts)})
 
 
@@ -108,15 +110,18 @@ def _estimate(path: Path, channels: Mapping[str, np.ndarray], metadata: dict[str
         image_mean = np.append(mean.mean((0, 1)), luminance(mean).mean())
         return Estimate(mean, np.full_like(mean, np.nan), np.full(mean.shape[:2], np.nan), image_mean,
                         np.full(4, np.nan), samples=spp if isinstance(spp, int) else 0, batches=1), metadata
-    facts = _facts(path, text, ("samples", "batches", "rejected", "cost", "image_mean", "image_variance"))
+    facts = _facts(path, text, ("samples", "batches", "rejected", "cost", "image_mean", "image_variance"),
+                   optional=("image_third",))  # files that were written before it was kept have none
     if _VARIANCES[0] in channels:
         variance = _stack(path, channels, _VARIANCES)
     else:
         variance = np.full((*mean.shape[:2], 4), np.nan)
+    image_third = facts["image_third"]
     return Estimate(mean, variance[..., :3], variance[..., 3], np.array(facts["image_mean"], dtype=np.float64),
                     np.array(facts["image_variance"], dtype=np.float64), samples=facts["samples"],
                     batches=facts["batches"], rejected=facts["rejected"], cost=facts["cost"],
-                    third=_stack(path, channels, _THIRDS) if _THIRDS[0] in channels else None), metadata
+                    third=_stack(path, channels, _THIRDS) if _THIRDS[0] in channels else None,
+                    image_third=None if image_third is None else np.array(image_third, dtype=np.float64)), metadata
 
 
 def write_batch(path: str | Path, batch: Batch, metadata: Mapping[str, Any] | None = None, *,
@@ -220,11 +225,11 @@ def _stack(path: Path, channels: Mapping[str, np.ndarray], names: tuple[str, ...
     return np.stack(planes, axis=-1).astype(np.float64)
 
 
-def _facts(path: Path, text: Value, names: tuple[str, ...]) -> dict[str, Any]:
+def _facts(path: Path, text: Value, names: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, Any]:
     try:
         facts = json.loads(str(text))
         facts["cost"] = Cost(**facts["cost"])
-        return {name: facts[name] for name in names}
+        return {**{name: facts[name] for name in names}, **{name: facts.get(name) for name in optional}}
     except (ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{path}: written by another version of this harness; render it again") from error
 

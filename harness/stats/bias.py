@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.errors import HarnessError
 from harness.stats.channels import CHANNELS, Channel
-from harness.stats.deviates import half_width, satterthwaite
+from harness.stats.deviates import half_width, satterthwaite, skew_interval
 from harness.stats.levels import check_level
 
 Outcome = Literal["pass", "fail", "inconclusive"]
@@ -56,13 +56,20 @@ def error_scale(reference_mean: np.ndarray) -> np.ndarray:
 
 
 def mean_error_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_dof: float, reference_mean: np.ndarray,
-                       reference_variance: np.ndarray, reference_dof: float, *, tolerance: float = 0.002,
+                       reference_variance: np.ndarray, reference_dof: float, *, test_third: np.ndarray | None = None,
+                       reference_third: np.ndarray | None = None, tolerance: float = 0.002,
                        confidence: float = 0.95, fail_level: float | None = None) -> MeanErrorVerdict:
     """Equivalence test of image means against a reference rendered independently.
 
-    Means and the variances of those means have shape (4,); `*_dof` are the degrees of freedom of the variances, one
-    less than the number of batches, infinite for an exact value. The error is a ratio of means, so its variance comes
-    from the delta method (first order), its degrees of freedom from Welch (1947) and Satterthwaite (1946).
+    Means, and the variances and third central moments of those means, have shape (4,); of a third moment that is not
+    known none is seen. `*_dof` are the degrees of freedom of the variances, one less than the number of batches (or
+    those of `deviates.staged`), infinite for an exact value. The error is a ratio of means, so its moments come from
+    the delta method (first order), its degrees of freedom from Welch (1947) and Satterthwaite (1946), its interval, as
+    that of every tile, from `deviates.skew_interval`.
+
+    8 batches know little of a heavy tail. Simulated, 40,000 runs: a nominal 5 % misses of 8 normal batches in 3.8 %, of
+    a gamma law of shape 2 in 4.7 %, of log-normal ones of σ 0.8 in 7.4 % (Student: 12.9 %), and where one batch in four
+    meets a bright sample in 13 %, for of such runs a tenth meets none.
 
     - pass: all four intervals lie within ±tolerance. Each is at the full `confidence`: claiming that *all* channels
       are equivalent needs no correction for their number (intersection-union test, Berger 1982), and a render whose
@@ -86,15 +93,17 @@ def mean_error_verdict(test_mean: np.ndarray, test_variance: np.ndarray, test_do
     # A black channel is measured in units of luminance, which is as good as exact beside the channel's own noise.
     slope = np.where(scale == np.abs(reference_mean), test_mean / scale, 1.0)
     from_reference = slope**2 * reference_variance / scale**2
-    sigma = np.sqrt(from_test + from_reference)
-    dof = satterthwaite(from_test + from_reference, from_test**2 / test_dof + from_reference**2 / reference_dof)
+    variance = from_test + from_reference
+    third = (_known(test_third) - slope**3 * _known(reference_third)) / scale**3
+    dof = satterthwaite(variance, from_test**2 / test_dof + from_reference**2 / reference_dof)
     alpha = 1 - confidence
-    half = half_width(sigma, dof, alpha)
-    guarded = half_width(sigma, dof, (alpha if fail_level is None else fail_level) / len(CHANNELS))
-    detectable = guarded + half_width(sigma, dof, 2 * (1 - POWER))
-    outcome, reason = _judge_means(test_mean, test_variance, reference_mean, reference_variance, error, half, guarded,
+    own = skew_interval(error, variance, third, dof, alpha)
+    guarded = skew_interval(error, variance, third, dof, (alpha if fail_level is None else fail_level) / len(CHANNELS))
+    detectable = (np.maximum(error - guarded[0], guarded[1] - error)
+                  + half_width(np.sqrt(variance), dof, 2 * (1 - POWER)))
+    outcome, reason = _judge_means(test_mean, test_variance, reference_mean, reference_variance, error, own, guarded,
                                    tolerance, confidence, noisier_reference=from_reference > from_test)
-    return MeanErrorVerdict(outcome, reason, tolerance, confidence, error, error - half, error + half, dof,
+    return MeanErrorVerdict(outcome, reason, tolerance, confidence, error, *own, dof,
                             np.where(np.isnan(detectable), np.inf, detectable))
 
 
@@ -110,9 +119,14 @@ def check_tolerance(tolerance: float) -> None:
         raise HarnessError(f"tolerance must be zero or more (0.002 is 0.2 %), found {tolerance}")
 
 
+def _known(third: np.ndarray | None) -> np.ndarray:
+    return np.zeros(len(CHANNELS)) if third is None else np.asarray(third, dtype=np.float64)
+
+
 def _judge_means(test_mean: np.ndarray, test_variance: np.ndarray, reference_mean: np.ndarray,
-                 reference_variance: np.ndarray, error: np.ndarray, half: np.ndarray, guarded: np.ndarray,
-                 tolerance: float, confidence: float, *, noisier_reference: np.ndarray) -> tuple[Outcome, str]:
+                 reference_variance: np.ndarray, error: np.ndarray, own: tuple[np.ndarray, np.ndarray],
+                 guarded: tuple[np.ndarray, np.ndarray], tolerance: float, confidence: float, *,
+                 noisier_reference: np.ndarray) -> tuple[Outcome, str]:
     band = f"±{percent(tolerance)}"
     if not np.isfinite(test_mean).all():
         return "fail", "the test image holds pixels that are not finite"
@@ -122,22 +136,24 @@ def _judge_means(test_mean: np.ndarray, test_variance: np.ndarray, reference_mea
         if not np.isfinite(variance).all():
             return "inconclusive", f"the variance of the {name} is unknown: it takes two batches or more"
 
-    def told(channel: int, width: np.ndarray) -> str:
-        return f"{CHANNELS[channel]} {percent(error[channel], signed=True)} ± {percent(width[channel])}"
+    def told(channel: int, interval: tuple[np.ndarray, np.ndarray]) -> str:
+        low, high = (percent(bound[channel], signed=True) for bound in interval)
+        return f"{CHANNELS[channel]} {percent(error[channel], signed=True)} [{low}, {high}]"
 
-    beyond = np.abs(error) - guarded
+    beyond = np.maximum(guarded[0], -guarded[1])
     if (beyond > tolerance).any():
         return "fail", f"{told(int(np.argmax(beyond)), guarded)} lies outside {band}"
-    reach = np.abs(error) + half
+    low, high = own
+    reach = np.maximum(-low, high)
     worst = int(np.argmax(reach))
     if reach[worst] <= tolerance:
-        return "pass", f"all channels lie within {band} at {percent(confidence)} confidence; {told(worst, half)}"
-    message = f"{told(worst, half)} reaches beyond {band}"
+        return "pass", f"all channels lie within {band} at {percent(confidence)} confidence; {told(worst, own)}"
+    message = f"{told(worst, own)} reaches beyond {band}"
     room = tolerance - abs(error[worst])
     if room > 0:
         noisier = "reference" if noisier_reference[worst] else "test image"
-        message += f"; about {max((half[worst] / room)**2, 1.1):.2g} times the samples would decide, " \
-                   f"first of all in the {noisier}"
+        shrink = max((high - error)[worst] / (tolerance - error[worst]), (error - low)[worst] / (tolerance + error[worst]))
+        message += f"; about {max(shrink**2, 1.1):.2g} times the samples would decide, first of all in the {noisier}"
     return "inconclusive", message
 
 

@@ -65,7 +65,8 @@ def difference(before: Measured, after: Measured, level: float) -> Difference:
 
 
 def from_interval(value: float, low: float, high: float, confidence: float, dof: float) -> Measured:
-    """A measurement from its Student interval at a confidence."""
+    """A measurement from its interval at a confidence, as if it were Student's: one that skewness made longer gives a
+    standard error that is larger than it was."""
     half = (high - low) / 2
     quantile = special.stdtrit(dof, (1 + confidence) / 2) if math.isfinite(dof) else special.ndtri((1 + confidence) / 2)
     return Measured(value, half / float(quantile), dof)

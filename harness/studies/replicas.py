@@ -39,10 +39,12 @@ SLOPE_POINTS = 3
 
 @dataclass(frozen=True)
 class Reference:
-    """What strategies are held against: the image with its variance, and its batches as tiles."""
+    """What strategies are held against: the image with its variance, and its batches as tiles; `looked` as in
+    `policy.judge`."""
 
     estimate: Estimate
     tiles: TileSamples
+    looked: int | None = None
 
 
 class Replicas:
@@ -65,6 +67,7 @@ class Replicas:
         self.replicas = 0
         self.curves: list[list[dict[str, float]]] = []  # per replica that has one, per prefix: metrics by name
         self.total = Accumulator()
+        self.looked: int | None = None  # batches when it was first decided to draw more
         self.tiles = TileAccumulator(tile_size(scene.height, scene.width))
         # Of each replica the seconds per sample of its longest batches, by device.
         self.seconds: list[dict[str, list[float]]] = []
@@ -168,7 +171,7 @@ class Replicas:
                               scores=metrics.measure(merged.mean, reference, scene.exposure, at_prefixes=False)),
             estimate=merged,
             verdict=judge(merged, reference, tolerance=plan.tolerance.mean, confidence=plan.confidence,
-                          fail_level=plan.fail_level),
+                          fail_level=plan.fail_level, looked=(self.looked, self.reference.looked)),
             tiles=judge_tiles(tiles, self.reference.tiles, plan.tolerance, fail_level=plan.fail_level,
                               pass_level=1 - plan.confidence),
             slope=None if len(spp) < SLOPE_POINTS or _is_exact(merged) else fit_slope(spp, curves["rmse"]),

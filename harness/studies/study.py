@@ -86,8 +86,9 @@ def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None
     expect(drawing.schedule, file, film, estimators, plan.spp, replicas,
            0 if reference else reference_spp or REFERENCE_FACTOR * spp)
     kind = "given" if reference else "Mitsuba"
+    looked = None
     if reference is None:
-        run = _precise_reference(file, reference_spp or REFERENCE_FACTOR * spp, plan.tolerance.mean, drawing)
+        run, looked = _precise_reference(file, reference_spp or REFERENCE_FACTOR * spp, plan.tolerance.mean, drawing)
         reference, tiles = run.estimate(), run.tiles()
     if reference.mean.shape[:2] != (film.height, film.width):
         raise HarnessError(f"the reference is {reference.mean.shape[1]} x {reference.mean.shape[0]} pixels, the scene "
@@ -98,7 +99,7 @@ def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None
         tiles = tiles_of(reference, tile_size(film.height, film.width))
     results = []
     for estimator in estimators:
-        results.append(_study_estimator(file, film, estimator, Reference(reference, tiles), plan, drawing))
+        results.append(_study_estimator(file, film, estimator, Reference(reference, tiles, looked), plan, drawing))
     return StudyResult(
         scene=file.name, description=describe(file.path), scene_hash=_hash(file, reading), exposure=film.exposure,
         reference=reference, reference_kind=kind, strategies=tuple(results),
@@ -150,11 +151,13 @@ def _hash(file: SceneFile, reading: Scene | None) -> str:
     return reading.content_hash if reading else file.hash
 
 
-def _precise_reference(file: SceneFile, spp: int, tolerance: float, drawing: _Drawing) -> Run:
+def _precise_reference(file: SceneFile, spp: int, tolerance: float, drawing: _Drawing) -> tuple[Run, int | None]:
     """Mitsuba's image, with so many samples that it takes at most half of what the verdicts' intervals may be wide.
 
-    As with replicas (Stein 1945), how many is decided from the variance of the first `spp` alone.
+    As with replicas (Stein 1945), how many is decided from the variance of the first `spp` alone; beside it stands of
+    how many batches that was, None where they were enough.
     """
+    looked = None
     with Mitsuba(sampler=REFERENCE_SAMPLER).open(file) as renderer:
         run = reference_run(renderer, spp, drawing.store, square=True)
         film = file.film
@@ -162,11 +165,12 @@ def _precise_reference(file: SceneFile, spp: int, tolerance: float, drawing: _Dr
         pilot = run.estimate()
         excess = 2 * pilot.image_variance / error_scale(pilot.image_mean) ** 2 / (tolerance * PRECISION / STUDENT) ** 2
         if np.isfinite(excess).all() and excess.max() > 1:
+            looked = pilot.batches
             more = min(math.ceil(spp * float(excess.max())), MAX_REFERENCE_FACTOR * spp)
             drawing.schedule.settle(file.name, REFERENCE, more * film.width * film.height)
             _grow(run, more, file, film, "reference, more to decide", drawing)
         drawing.schedule.end(file.name, REFERENCE)
-    return run
+    return run, looked
 
 
 def _grow(run: Run, spp: int, file: SceneFile, film: Film, description: str, drawing: _Drawing) -> None:
@@ -231,6 +235,7 @@ def _study_estimator(file: SceneFile, film: Film, estimator: Estimator, referenc
             needed = replicas_needed(run.total.estimate(), reference.estimate, run.replicas, plan.tolerance.mean)
             if needed <= ENOUGH * run.replicas or run.replicas >= most:
                 break
+            run.looked = run.looked or run.total.batches
             drawing.grow(run, estimator, file, min(needed, most) - run.replicas,
                          f"{file.name} {estimator.name}, more to decide", curves=False)
         drawing.schedule.end(file.name, estimator.name)

@@ -60,7 +60,11 @@ def test_third_moment_is_that_of_batch_means(rng: np.random.Generator) -> None:
     merged = merge(Batch(mean, int(size)) for mean, size in zip(means, sizes, strict=True))
     direct = np.einsum("b,bijc->ijc", sizes, (means - merged.mean)**3) / (8 * 7 * sizes.sum())
     np.testing.assert_allclose(merged.third, direct, rtol=1e-8, atol=1e-12)
-    assert merge(Batch(mean, 4) for mean in means[:2]).third is None
+    whole = np.concatenate([means.mean((1, 2)), luminance(means).mean((1, 2))[:, None]], axis=1)
+    direct = sizes @ (whole - merged.image_mean)**3 / (8 * 7 * sizes.sum())
+    np.testing.assert_allclose(merged.image_third, direct, rtol=1e-5, atol=1e-12)  # of float32 means
+    two = merge(Batch(mean, 4) for mean in means[:2])
+    assert two.third is None and two.image_third is None
 
 
 def test_variance_is_unbiased_for_unequal_batches(rng: np.random.Generator) -> None:

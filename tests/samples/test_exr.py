@@ -59,7 +59,8 @@ class TestEstimates:
             expected = getattr(estimate, name)
             np.testing.assert_array_equal(getattr(found, name), expected.astype(np.float32), name)
             assert getattr(found, name).dtype == np.float64
-        for name in ("image_mean", "image_variance"):
+        assert estimate.image_third is not None
+        for name in ("image_mean", "image_variance", "image_third"):
             np.testing.assert_array_equal(getattr(found, name), getattr(estimate, name), name)
         for name in ("samples", "batches", "rejected", "cost"):
             assert getattr(found, name) == getattr(estimate, name)

@@ -12,7 +12,7 @@ import pytest
 from harness import load_scene, study
 from harness.errors import HarnessError
 from harness.files import data_dir
-from harness.policy import fail_level, tolerance_for
+from harness.policy import fail_level, judge, tolerance_for
 from harness.reference import ReferenceRenderer
 from harness.report.tables import slope_mark
 from harness.results import StrategyResult
@@ -21,6 +21,7 @@ from harness.samples.store import Store, schedule
 from harness.scene import Film, Scene
 from harness.scene.model import Displacement, Procedural
 from harness.scene.strategies import Suited
+from harness.stats.deviates import staged
 from harness.stats.verdicts import Tolerance
 from harness.studies.plan import PROFILES, exhibited_strategies, judged, prefix_sizes, replicas_needed
 from harness.studies.replicas import Reference, Replicas
@@ -133,6 +134,12 @@ def test_replicas_are_added_as_often_as_their_own_variance_asks_for_them_and_wit
     assert asked == [4, 8, 12]
     assert result.estimate.samples == 12 * 8
     assert result.curves["rmse"].shape == (4, 4)
+    assert result.estimate.image_third is not None and result.estimate.image_third.all()
+    first, every = result.estimate.batches / 3, result.estimate.batches
+    np.testing.assert_allclose(result.verdict.dof, staged(first - 1, every - 1))
+    own = judge(result.estimate, Estimate.exact(np.full((36, 48, 3), 0.5)), looked=(round(first), None),
+                tolerance=result.verdict.tolerance)
+    np.testing.assert_array_equal(own.low, result.verdict.low)
 
 
 @pytest.mark.parametrize(("options", "message"), [

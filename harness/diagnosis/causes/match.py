@@ -155,7 +155,8 @@ def smaller(estimate: Estimate, factor: int) -> Estimate:
     luminance = _blocks(estimate.luminance_variance[..., None], factor).sum((1, 3))[..., 0] / factor**4
     third = None if estimate.third is None else _blocks(estimate.third, factor).sum((1, 3)) / factor**6
     return Estimate(mean, variance, luminance, with_luminance(mean).mean((0, 1)), estimate.image_variance,
-                    estimate.samples * factor**2, estimate.batches, estimate.rejected, estimate.cost, third)
+                    estimate.samples * factor**2, estimate.batches, estimate.rejected, estimate.cost, third,
+                    estimate.image_third)
 
 
 def factor_to(size: tuple[int, int], pixels: int) -> int:
