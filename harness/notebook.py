@@ -156,7 +156,7 @@ def parameter_study(scenes: Scene | SceneFile | str | Path | Iterable[Scene | Sc
     several = [scenes] if isinstance(scenes, str | Path | Scene | SceneFile) else list(scenes)
     files = [scene_file(scene) for scene in several]
     axes = axes_of(parameters or {})
-    kept = Kept(output, product=len(combinations(files, axes)) > 1) if output is not None else None
+    kept = Kept(output, product=len(combinations(files, axes, estimators)) > 1) if output is not None else None
     product = study_product(files, estimators, axes=axes, store=store,
                             keep=kept.add if kept else lambda result: None, **options)
     if kept:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -18,7 +18,8 @@ CommandsOption = Annotated[list[str] | None, typer.Option("--command", metavar="
     'A program beside our tracer: "myrt {scene} --spp {spp} --seed {seed} -o {out}", as in `harness compare`; {alpha} '
     "stands for a parameter's value. May be given several times, as may the next three."))]
 ShadersOption = Annotated[list[str] | None, typer.Option("--shader", metavar="[NAME=]FILE", help=(
-    "Somebody's shader of any host that can be read; a frame is a sample."))]
+    "Somebody's shader of any host that can be read; a frame is a sample. A parameter's value reaches its uniform, "
+    "constant or macro of that name."))]
 ImagesOption = Annotated[list[str] | None, typer.Option("--images", metavar="[NAME=]GLOB", help=(
     "Renders that are there, each with a seed of its own, quoted: 'mine_{scene}_{alpha}_*.exr'."))]
 IntegratorsOption = Annotated[str | None, typer.Option("--integrators", metavar="A,B,...", help=(
@@ -53,12 +54,30 @@ def estimators(strategies: str | None, commands: Sequence[str] | None, shaders: 
 
 
 def require_told_apart(studied: Sequence[str | Estimator] | None, scenes: Sequence[SceneFile], axes: Axes) -> None:
-    """HarnessError for files that would be the same on every scene, or at every value of a parameter."""
+    """HarnessError for files that would be the same on every scene, or for images at every value of a parameter."""
     from harness.estimators.by_scene import ByScene, Named
 
     varied = [*(["scene"] if len(scenes) > 1 else []), *(name for name, values in axes if len(values) > 1)]
     for each in studied or ():
         files = each.estimator if isinstance(each, Named) else each
-        if isinstance(files, ByScene) and (lacks := next((name for name in varied if name not in files.depends), None)):
+        if not isinstance(files, ByScene):
+            continue
+        apart = varied if files.kind == "images" else [name for name in varied if name == "scene"]
+        if lacks := next((name for name in apart if name not in files.depends), None):
             raise HarnessError(f"--{files.kind} '{files.word}': the same files for every {lacks}; write {{{lacks}}} "
                                "into their name where its value belongs")
+
+
+def notes(studied: Sequence[str | Estimator] | None, file: SceneFile, axes: Axes) -> Iterator[str]:
+    """What is to be said of shaders that are the same at every value of a parameter; `file`: one combination."""
+    from harness.estimators.base import taken
+    from harness.estimators.by_scene import ByScene, Named
+
+    for each in studied or ():
+        files = each.estimator if isinstance(each, Named) else each
+        if not isinstance(each, str) and isinstance(files, ByScene) and files.kind == "shader":
+            names = taken(files, file)
+            for name, values in axes:
+                if len(values) > 1 and name not in names:
+                    yield (f"note: '{each.name}' has no uniform, constant or macro '{name}', and is the same at all "
+                           "its values")

@@ -51,8 +51,9 @@ def study(
     timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds that a run of --command may take.")]
     = 600.0,
     parameters: Annotated[list[str] | None, typer.Option("--set", metavar="NAME=V1,V2,...", help=(
-        "Values for a <default> parameter of the scenes; every combination is studied. A value that is several "
-        "numbers has spaces between them: 'kd=1 0 0,0 1 0'."))] = None,
+        "Values for a <default> parameter of the scenes, and for what has that name in a --shader or in braces in a "
+        "--command; every combination is studied. A value that is several numbers has spaces between them: "
+        "'kd=1 0 0,0 1 0'."))] = None,
     spp: Annotated[int, typer.Option("--spp", min=4, max=MAX_SPP // 4, help="Samples per pixel of each replica.")]
     = 1024,
     replicas: Annotated[int, typer.Option("--replicas", min=2, max=1000, help="Independent runs of each.")] = 8,
@@ -90,7 +91,7 @@ def study(
 
     Example: `harness study mitsuba_scenes/spheres.xml --strategies uniform,cosine,mixture --spp 4096 --replicas 8`
     """
-    from harness.cli.studied import estimators, require_told_apart
+    from harness.cli.studied import estimators, notes, require_told_apart
     from harness.cli.study_text import as_json, print_product, print_study
     from harness.studies.parameters import combinations, parse_axes
     from harness.studies.product import study_product
@@ -103,8 +104,10 @@ def study(
         raise HarnessError("--reference-spp is for an image yet to be rendered; leave it out, or --reference")
     bare = [scene_file(scene, size, None, max_depth) for scene in scenes]
     require_told_apart(studied, bare, axes)
-    files = combinations(bare, axes)
+    files = combinations(bare, axes, studied)
     _open(files, studied)
+    for note in notes(studied, files[0], axes):
+        log(note)
     if reference and len(files) > 1:
         raise HarnessError(f"--reference is one image, and {len(files)} combinations are studied; leave it out")
     ready = _open_reference(reference, files[0]) if reference else None

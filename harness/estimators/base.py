@@ -87,6 +87,20 @@ class TakesDepth(Protocol):
         ...
 
 
+@runtime_checkable
+class TakesValues(Protocol):
+    """An estimator that has named values of its own: those of `SceneFile.values` reach it."""
+
+    def takes(self, scene: SceneFile) -> tuple[str, ...]:
+        """Their names. Errors as `Estimator.check`."""
+        ...
+
+
+def taken(estimator: Estimator, scene: SceneFile) -> tuple[str, ...]:
+    """The names of an estimator's own values; none where it has none."""
+    return estimator.takes(scene) if isinstance(estimator, TakesValues) else ()
+
+
 def no_depth(estimator: Estimator, scene: SceneFile) -> str:
     """Why an estimator cannot be asked for paths of another length; empty where it can."""
     if isinstance(estimator, TakesDepth):

@@ -12,7 +12,7 @@ from string import Formatter
 from typing import Literal
 
 from harness.errors import HarnessError
-from harness.estimators.base import Estimator, Renderer, no_depth
+from harness.estimators.base import Estimator, Renderer, no_depth, taken
 from harness.estimators.images import Images
 from harness.estimators.shader import RUN, Shader
 from harness.scene.file import SceneFile
@@ -59,6 +59,10 @@ class ByScene:
                                        "its noise; name several, each with a seed of its own: 'mine_*.exr'")
         return found.check(scene)
 
+    def takes(self, scene: SceneFile) -> tuple[str, ...]:
+        """The names in braces, and those of the shader."""
+        return (*self.depends, *taken(self._at(scene), scene))
+
     @contextmanager
     def open(self, scene: SceneFile) -> Iterator[Renderer]:
         """As the images, or the shader, that the name means on this scene."""
@@ -66,7 +70,7 @@ class ByScene:
             yield renderer
 
     def _at(self, scene: SceneFile) -> Images | Shader:
-        values = {"scene": scene.path.stem, **dict(scene.parameters)}
+        values = {"scene": scene.path.stem, **scene.values}
         if unknown := next((name for name in self.depends if name not in values), None):
             allowed = ", ".join(f"{{{name}}}" for name in values)
             raise HarnessError(f"--{self.kind} '{self.word}': unknown '{{{unknown}}}'; allowed: {allowed}")
@@ -91,6 +95,10 @@ class Named:
     def takes_depth(self, scene: SceneFile) -> str:
         """The estimator's."""
         return no_depth(self.estimator, scene)
+
+    def takes(self, scene: SceneFile) -> tuple[str, ...]:
+        """The estimator's."""
+        return taken(self.estimator, scene)
 
     @contextmanager
     def open(self, scene: SceneFile) -> Iterator[Renderer]:

@@ -74,18 +74,22 @@ class Command:
     def check(self, scene: SceneFile) -> str:
         """It is taken at its word. HarnessError for a word in braces that stands for nothing, and for a parameter or a
         depth of the scene that the program is not told of: it would render another scene."""
-        given = dict(scene.parameters)
+        given = scene.values
         asked = self._asked()
         for name in sorted(asked - given.keys()):
             if name not in WORDS:
                 allowed = ", ".join(f"{{{word}}}" for word in (*WORDS, *given))
                 raise HarnessError(f"command `{self.template}`: unknown '{{{name}}}'; allowed: {allowed}")
-        for name in sorted(given.keys() - asked):
+        for name in sorted(dict(scene.parameters).keys() - asked):
             raise HarnessError(f"command `{self.template}`: the scene's parameter '{name}' does not reach it; pass "
                                f"{{{name}}} on to the program")
         if scene.max_depth is not None and (reason := self.takes_depth(scene)):
             raise HarnessError(f"command `{self.template}`: {reason}")
         return ""
+
+    def takes(self, scene: SceneFile) -> tuple[str, ...]:
+        """The words in braces that are no words of every command line."""
+        return tuple(sorted(self._asked() - {*WORDS}))
 
     def takes_depth(self, scene: SceneFile) -> str:
         """Empty where {max_depth} reaches the program."""
@@ -164,7 +168,7 @@ class CommandRenderer:
 
     def _run(self, seed: int, spp: int, out: Path) -> None:
         values = {"scene": self.scene.path, "spp": spp, "seed": seed, "out": out, "width": self._film.width,
-                  "height": self._film.height, "max_depth": self._depth, **dict(self.scene.parameters)}
+                  "height": self._film.height, "max_depth": self._depth, **self.scene.values}
         arguments = [word.format(**values) for word in shlex.split(self._command.template)]
         with tempfile.TemporaryFile() as said:
             try:

@@ -207,8 +207,9 @@ def _pooled(images: Sequence[ReadImage]) -> Estimate | None:
     merged = Estimate(summed("mean", 1), summed("variance", 2), summed("luminance_variance", 2),
                       summed("image_mean", 1), summed("image_variance", 2), int(samples.sum()), freedom + 1)
     known = all(estimate.image_third is not None for estimate in estimates)
-    return replace(merged, image_third=summed("image_third", 3) if known else None, rejected=sum(estimate.rejected for estimate in estimates),
-                   cost=total_cost(estimate.cost for estimate in estimates))
+    return replace(merged, rejected=sum(estimate.rejected for estimate in estimates),
+                   cost=total_cost(estimate.cost for estimate in estimates),
+                   image_third=summed("image_third", 3) if known else None)
 
 
 def shared(ours: StoredRuns, theirs: StoredRuns) -> tuple[str, str] | None:

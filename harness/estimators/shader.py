@@ -20,6 +20,7 @@ from harness.scene.file import SceneFile
 from harness.shader.contract import Contract, Law
 from harness.shader.hosts import read
 from harness.shader.hosts.reading import Answer
+from harness.shader.named import named, with_values
 from harness.strangers.law import find_law, weight_is_of_the_new, with_weight_of_the_new
 from harness.strangers.process import Limits, Process
 from harness.strangers.single import Encoding
@@ -35,9 +36,10 @@ class Shader:
     """A shader of any host that can be read: a Gratin body or pipeline, a Shadertoy, WebGL, …
 
     `files`: its files, or a folder; `host`: the dialect, told by its syntax if None; `values`: what is said of its
-    uniforms by name. `contract`: in place of what would be read from the files. One sample is one frame, however many
-    paths the author traces in it. `run`: frames of a replica, the next of which begins with the number after them.
-    `encoding`: what each frame is put through, to be undone before frames are averaged.
+    uniforms by name; else what is set in the scene, or besides it, reaches what has that name in the shader
+    (`harness.shader.named`). `contract`: in place of what would be read from the files. One sample is one frame,
+    however many paths the author traces in it. `run`: frames of a replica, the next of which begins with the number
+    after them. `encoding`: what each frame is put through, to be undone before frames are averaged.
     """
 
     files: tuple[Path, ...]
@@ -56,14 +58,35 @@ class Shader:
     def read(self) -> Contract:
         """Its contract, with or without a law. ShaderError for files that are no shader, or that lack what the host
         must be told."""
-        contract = self.contract or read(self.files, self.host, dict(self.values))
+        contract = self._bare()
         require_known(contract)
         return contract
+
+    def on(self, scene: SceneFile) -> Contract:
+        """Its contract with the values that are set in the scene, or besides it. Errors as `read`, and for a value that
+        does not fit."""
+        contract = self._bare()
+        if scene.values:
+            taken = set(self._named(contract))
+            contract = with_values(contract, {name: text for name, text in scene.values.items() if name in taken})
+        require_known(contract)
+        return contract
+
+    def takes(self, scene: SceneFile) -> tuple[str, ...]:
+        """The names that are not said otherwise. ShaderError for files that are no shader."""
+        return self._named(self._bare())
+
+    def _bare(self) -> Contract:
+        return self.contract or read(self.files, self.host, dict(self.values))
+
+    def _named(self, contract: Contract) -> tuple[str, ...]:
+        said = dict(self.values)
+        return tuple(name for name in named(contract) if name not in said)
 
     def check(self, scene: SceneFile) -> str:
         """It draws what it draws; nobody knows of it which scene that is. HarnessError where the author has written
         another size in."""
-        require_size(self.read(), scene)
+        require_size(self.on(scene), scene)
         return ""
 
     @contextmanager
@@ -71,7 +94,7 @@ class Shader:
         """Compiles, and measures the law unless the contract has it. `process`: draws it, and goes on afterwards; if
         None one of its own, which ends. ShaderError where it does not compile or takes too long, HarnessError for a
         size that is not the author's."""
-        contract = self.read()
+        contract = self.on(scene)
         require_size(contract, scene)
         film = scene.film
         with nullcontext(process) if process else Process(self.limits) as held:

@@ -35,20 +35,24 @@ class SceneFile:
 
     `parameters`: pairs of name and value, sorted by name, as Mitsuba's parser takes them (`$name` in the file).
     `size`: (width, height). `max_depth`: vertices of a path at most, counted as Mitsuba's `path` does (1: light seen
-    directly, N: N-1 scatterings); HarnessError outside 1 to 1024. Mitsuba renders any of them; our tracer reads it into
-    a `Scene`, and may refuse.
+    directly, N: N-1 scatterings); HarnessError outside 1 to 1024. `besides`: pairs of names that the file does not
+    declare and their values, sorted by name: they are no part of the scene, but of what a study sets, for estimators
+    that know the name (a shader's uniform, a word of a command line). Mitsuba renders any of them; our tracer reads it
+    into a `Scene`, and may refuse.
     """
 
     path: Path
     parameters: tuple[tuple[str, str], ...] = ()
     size: tuple[int, int] | None = None
     max_depth: int | None = None
+    besides: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         if self.max_depth is not None and not 1 <= self.max_depth <= MAX_DEPTH_LIMIT:
             raise HarnessError(f"max_depth is {self.max_depth}; allowed: 1 (light seen directly) to {MAX_DEPTH_LIMIT}")
         object.__setattr__(self, "path", Path(self.path))
         object.__setattr__(self, "parameters", tuple(sorted(self.parameters)))
+        object.__setattr__(self, "besides", tuple(sorted(self.besides)))
 
     @classmethod
     def bundled(cls, name: str, size: tuple[int, int] | None = None) -> SceneFile:
@@ -67,8 +71,14 @@ class SceneFile:
 
     @property
     def given(self) -> tuple[tuple[str, str], ...]:
-        """What was set by name, parameters and depth, as (name, value)."""
-        return self.parameters if self.max_depth is None else (*self.parameters, ("max_depth", str(self.max_depth)))
+        """What was set by name, in the scene, besides it, and the depth, as (name, value)."""
+        values = tuple(self.values.items())
+        return values if self.max_depth is None else (*values, ("max_depth", str(self.max_depth)))
+
+    @property
+    def values(self) -> dict[str, str]:
+        """What was set by name, in the scene and besides it, sorted by name."""
+        return dict(sorted((*self.parameters, *self.besides)))
 
     def sized(self, width: int, height: int) -> SceneFile:
         """The same with another film size."""

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import NamedTuple
 
 from harness.errors import ShaderError
 from harness.shader.conditionals import preprocess
@@ -17,8 +18,8 @@ PRECISIONS = frozenset({"highp", "mediump", "lowp"})
 _QUALIFIERS = PRECISIONS | {"flat", "smooth", "noperspective", "centroid", "invariant", "precise", "coherent",
                             "volatile", "restrict", "readonly", "writeonly"}
 MAX_PARTS = 512
-_BASIC = re.compile(r"(?:float|int|uint|bool|double|[iubd]?vec[234]|mat[234](?:x[234])?|[iu]?sampler\w+|[iu]?image\w+|"
-                    r"atomic_uint)$")
+BASIC = re.compile(r"(?:float|int|uint|bool|double|[iubd]?vec[234]|mat[234](?:x[234])?|[iu]?sampler\w+|[iu]?image\w+|"
+                   r"atomic_uint)$")
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,19 @@ class Varying:
     flat: bool = False
 
 
+@dataclass(frozen=True)
+class Constant:
+    """A constant outside of functions, and from where to where in the text its value stands."""
+
+    one: Declared
+    start: int
+    end: int
+
+
 @dataclass
 class Declarations:
-    """Of one text: `uniforms`, `varyings`, `outputs` (type, name) and `functions` (name, and where each is defined).
+    """Of one text: `uniforms`, `varyings`, `constants`, `outputs` (type, name) and `functions` (name, and where each is
+    defined).
 
     `declared`: every name that a declaration outside of functions gives. `names`: how often each name occurs, in
     macros too.
@@ -42,6 +53,7 @@ class Declarations:
 
     uniforms: list[Declared] = field(default_factory=list)
     varyings: list[Varying] = field(default_factory=list)
+    constants: list[Constant] = field(default_factory=list)
     outputs: list[tuple[str, str]] = field(default_factory=list)
     functions: dict[str, list[str]] = field(default_factory=dict)
     declared: set[str] = field(default_factory=set)
@@ -87,6 +99,15 @@ def _statements(found: Sequence[Token]) -> Iterator[Sequence[Token]]:
             yield found[start:index + 1]
             start = index + 1
         index += 1
+
+
+class _Declarator(NamedTuple):
+    """A declared name: its token, the size of an array, whether it has a value, and from where to where that stands."""
+
+    token: Token
+    size: int
+    initialised: bool
+    value: tuple[int, int] | None
 
 
 class _Statement:
@@ -164,7 +185,7 @@ class _Statement:
             while part._text() in _QUALIFIERS:
                 part._at += 1
             kind = part._type()
-            members += [(kind, member, size) for member, size, _, _ in part._declarators()]
+            members += [(kind, each.token.text, each.size) for each in part._declarators()]
         # Nobody writes structures within structures of more members than this; their uniforms stay whole.
         self._structures[name] = members if sum(self._parts(kind) for kind, _, _ in members) <= MAX_PARTS else []
         if self._text() != ";":
@@ -177,27 +198,34 @@ class _Statement:
         members = self._structures[kind]
         return 1 + sum(self._parts(inner) for inner, _, _ in members) if members else MAX_PARTS
 
-    def _declarators(self) -> Iterator[tuple[str, int, bool, Token]]:
-        """(name, size, whether it has a value, its token) of each name that follows."""
+    def _declarators(self) -> Iterator[_Declarator]:
+        """Each name that follows."""
         first = self._size()
         while self._at < len(self._tokens) and self._tokens[self._at].kind == "name":
             token = self._tokens[self._at]
             self._at += 1
             size = self._size() or first
-            initialised = self._text() == "="
+            first_of_value = self._at + 1 if self._text() == "=" else None
             while self._at < len(self._tokens) and self._text() not in (",", ";"):
                 self._at = closing(self._tokens, self._at) + 1 if self._text() in ("(", "[", "{") else self._at + 1
+            value = None
+            if first_of_value is not None and first_of_value < self._at <= len(self._tokens):
+                value = self._tokens[first_of_value].start, self._tokens[self._at - 1].end
             self._at += 1
-            yield token.text, size, initialised, token
+            yield _Declarator(token, size, first_of_value is not None, value)
 
     def _names(self, found: Declarations, storage: str, kind: str, layout: str, flat: bool) -> None:
-        for name, size, initialised, token in self._declarators():
+        for token, size, initialised, value in self._declarators():
+            name = token.text
             found.declared.add(name)
             where = place(self._source, token.start)
             if storage == "uniform":
                 if re.match(r"[iu]?image|atomic_uint", kind):
                     self._refuse(f"an {kind}, '{name}'")
                 found.uniforms += self._members(kind, name, where, size, initialised)
+            elif storage == "const" and value is not None:
+                found.constants.append(Constant(Declared(name, kind, where, max(size, 0) or (1 if size else 0), True),
+                                                *value))
             elif storage in ("attribute", "in") if self._vertex else storage in ("varying", "in"):
                 found.varyings.append(Varying(kind, name, where, layout, flat))
             elif storage == "out":
@@ -205,7 +233,7 @@ class _Statement:
 
     def _members(self, kind: str, name: str, where: str, size: int, initialised: bool) -> Iterator[Declared]:
         """One uniform, or the members of one that is a structure."""
-        if _BASIC.match(kind) or not self._structures.get(kind) or size:
+        if BASIC.match(kind) or not self._structures.get(kind) or size:
             yield Declared(name, kind or "struct", where, max(size, 0) or (1 if size else 0), initialised)
             return
         for inner, member, count in self._structures[kind]:

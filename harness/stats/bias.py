@@ -152,7 +152,8 @@ def _judge_means(test_mean: np.ndarray, test_variance: np.ndarray, reference_mea
     room = tolerance - abs(error[worst])
     if room > 0:
         noisier = "reference" if noisier_reference[worst] else "test image"
-        shrink = max((high - error)[worst] / (tolerance - error[worst]), (error - low)[worst] / (tolerance + error[worst]))
+        shrink = max((high[worst] - error[worst]) / (tolerance - error[worst]),
+                     (error[worst] - low[worst]) / (tolerance + error[worst]))
         message += f"; about {max(shrink**2, 1.1):.2g} times the samples would decide, first of all in the {noisier}"
     return "inconclusive", message
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 from harness.errors import HarnessError, SceneError
+from harness.estimators.base import Estimator, taken
 from harness.scene import SceneFile
 
 # Name and values of each parameter, in the order in which they were named.
@@ -19,6 +20,8 @@ _USED = re.compile(r"\$([A-Za-z_][A-Za-z0-9_]*)")
 _COMMA = re.compile(r"(?<!\\),")
 # Combinations that a study may have: each is rendered by Mitsuba and by every estimator.
 MAX_COMBINATIONS = 10_000
+# Names of a shader that a message lists.
+MAX_LISTED = 12
 
 
 def parse_axes(given: Sequence[str]) -> Axes:
@@ -61,11 +64,13 @@ def axes_of(parameters: Mapping[str, object]) -> Axes:
     return tuple(axes.items())
 
 
-def combinations(scenes: Sequence[SceneFile], axes: Axes) -> tuple[SceneFile, ...]:
+def combinations(scenes: Sequence[SceneFile], axes: Axes,
+                 estimators: Sequence[str | Estimator] | None = None) -> tuple[SceneFile, ...]:
     """Every scene with every combination of values, the last parameter changing first; `parameters` of a scene itself
     stay.
 
-    SceneError for a name that a scene does not declare, HarnessError for scenes that cannot be told apart by their
+    A name that the scene does not declare is set besides it (`SceneFile.besides`) where one of the `estimators` has it.
+    SceneError where none has it either, HarnessError for scenes that cannot be told apart by their
     names, for a value of one number where the scene's own is several and a comma may have parted them, and for more
     than `MAX_COMBINATIONS`.
     """
@@ -79,10 +84,20 @@ def combinations(scenes: Sequence[SceneFile], axes: Axes) -> tuple[SceneFile, ..
     if count > MAX_COMBINATIONS:
         raise HarnessError(f"{count} combinations of scenes and parameters; at most {MAX_COMBINATIONS} are studied at "
                            "once")
+    found = []
     for scene in scenes:
-        _require_declared(scene.path, axes)
-    return tuple(replace(scene, parameters=(*scene.parameters, *zip((name for name, _ in axes), chosen, strict=True)))
-                 for scene in scenes for chosen in itertools.product(*(values for _, values in axes)))
+        own = _declared_of(scene.path, axes)
+        several = [_at(scene, own, {name: value for (name, _), value in zip(axes, chosen, strict=True)})
+                   for chosen in itertools.product(*(values for _, values in axes))]
+        if several[0].besides:
+            _require_taken(several[0], estimators or ())
+        found += several
+    return tuple(found)
+
+
+def _at(scene: SceneFile, own: Container[str], values: Mapping[str, str]) -> SceneFile:
+    inside, besides = ([pair for pair in values.items() if (pair[0] in own) is here] for here in (True, False))
+    return replace(scene, parameters=(*scene.parameters, *inside), besides=(*scene.besides, *besides))
 
 
 def declared(path: Path) -> dict[str, str]:
@@ -114,21 +129,38 @@ def is_numeric(values: Sequence[str]) -> bool:
     return all(number_of(value) is not None for value in values)
 
 
-def _require_declared(path: Path, axes: Axes) -> None:
-    if not axes or not path.is_file():  # whoever parses it says so
-        return
-    known = declared(path)
+def _require_taken(scene: SceneFile, estimators: Sequence[str | Estimator]) -> None:
+    """SceneError for a value besides the scene that no estimator takes."""
+    others = {each.name: taken(each, scene) for each in estimators if not isinstance(each, str)}
+    for name, _ in scene.besides:
+        if not any(name in names for names in others.values()):
+            known = declared(scene.path)
+            there = [f"it declares {', '.join(known)}" if known else "it declares none",
+                     *(f"'{other}' has {_listed(names)}" for other, names in others.items() if names)]
+            raise SceneError(f"{scene.path}: no parameter '{name}'; {'; '.join(there)}: write <default name=\"{name}\" "
+                             f"value=\"…\"/> into the scene, and ${name} where its value belongs")
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return f"{', '.join(names[:MAX_LISTED])}{more}"
+
+
+def _declared_of(path: Path, axes: Axes) -> Container[str]:
+    """The names that a scene file declares; of one that is not there all, for whoever parses it says so."""
+    if not path.is_file():
+        return {name for name, _ in axes}
+    known = declared(path) if axes else {}
     for name, values in axes:
         if name not in known:
-            there = f"it declares {', '.join(known)}" if known else "it declares none"
-            raise SceneError(f"{path}: no parameter '{name}'; {there}: write <default name=\"{name}\" value=\"…\"/> "
-                             f"into the scene, and ${name} where its value belongs")
+            continue
         size = len(_numbers(known[name]))
         short = next((value for value in values if len(_numbers(value)) < size), None)
         if len(values) > 1 and size > 1 and short is not None:
             raise SceneError(f"{path}: parameter '{name}' is {size} numbers ('{known[name]}'), found '{short}': commas "
                              f"part values, so write spaces within one: --set '{name}={' '.join(['1'] * size)},"
                              f"{' '.join(['0'] * size)}'")
+    return known
 
 
 def _numbers(value: str) -> list[str]:

@@ -61,7 +61,7 @@ def study_product(scenes: Sequence[SceneFile], strategies: Sequence[str | Estima
     `parameters.combinations`, `study` and the estimators' `check` raise.
     """
     require_error(error)
-    files = combinations(scenes, axes)
+    files = combinations(scenes, axes, strategies)
     schedule = schedule or Schedule()
     family = 0
     for file in files:

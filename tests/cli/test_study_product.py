@@ -10,11 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.samples.estimate import Estimate
+from harness.cli.options import open_store
+from harness.cli.studied import notes
+from harness.estimators.by_scene import ByScene
+from harness.estimators.shader import Shader, ShaderRenderer
+from harness.notebook import parameter_study
+from harness.samples.estimate import Batch, Estimate
 from harness.samples.exr import write_estimate
-from harness.studies.kept import Kept
+from harness.scene import SceneFile
+from harness.studies.kept import Kept, load_studies
+from harness.studies.parameters import parse_axes
 from harness.studies.product import StudyProduct
 from tests.cli.conftest import SKY, Harness, refusal
+from tests.support.ball import SCENE, body
 from tests.support.studies import line, study
 
 BRIEF = ("--spp", 4, "--replicas", 2)
@@ -82,6 +90,57 @@ def test_others_are_studied_beside_us(harness: Harness, tinted: Path) -> None:
 def test_what_cannot_be_studied_is_refused_in_one_line(harness: Harness, tinted: Path, no_renderer: None,
                                                        words: tuple[str, ...], message: str) -> None:
     assert message in refusal(harness("study", tinted, *BRIEF, *words))
+
+
+@pytest.fixture
+def albedo(tmp_path: Path) -> Path:
+    """A ball whose albedo is a parameter, and a shader of it in which it is a uniform."""
+    path = tmp_path / "ball.xml"
+    path.write_text(SCENE.replace("0.6, 0.5, 0.4", "$albedo").replace(
+        "<integrator", '<default name="albedo" value="0.5"/><integrator', 1), encoding="utf-8")
+    text = body("2.0 * rnd() * GAIN * vec3(albedo)")
+    (tmp_path / "ball.frag").write_text(f"#define GAIN 1.0\nuniform float albedo;\n{text}", encoding="utf-8")
+    return path
+
+
+BALL = ("--spp", 32, "--replicas", 2, "--reference-spp", 32, "--tolerance", 0.05, "--json")
+
+
+def test_a_parameter_reaches_a_strangers_shader_as_well_as_the_scene(harness: Harness, albedo: Path,
+                                                                     monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two values are two pictures, each of which passes only where both sides have its value; and both are kept.
+    A name of the shader alone, a macro, leaves the scene as it is, and the shader is drawn anew."""
+    words = ("study", albedo, *BALL, "--shader", f"mine={albedo.with_suffix('.frag')}", "--set")
+    done = harness(*words, "albedo=0.2,0.8", "-o", "kept")
+    assert (done.status, done.err) == (0, "")
+    assert [each["parameters"] for each in done.json["studies"]] == [{"albedo": "0.2"}, {"albedo": "0.8"}]
+    dark, bright = (each.strategies[0] for each in load_studies("kept").studies)
+    assert dark.estimate.image_mean[0] < bright.estimate.image_mean[0] - 0.1
+    with Path("kept/table.csv").open(encoding="utf-8") as file:
+        assert {row["albedo"] for row in csv.DictReader(file)} == {"0.2", "0.8"}
+
+    drawn: list[int] = []
+    render = ShaderRenderer.render_batch
+
+    def watched(self: ShaderRenderer, replica: int, start: int, count: int, advance: object = None) -> Batch:
+        drawn.append(replica)
+        return render(self, replica, start, count)
+
+    monkeypatch.setattr(ShaderRenderer, "render_batch", watched)
+    assert harness(*words, "albedo=0.2,0.8").json == done.json and not drawn
+    other, = parameter_study(albedo, [Shader((albedo.with_suffix(".frag"),))], spp=32, replicas=2, reference_spp=32,
+                             tolerance=0.05, parameters={"albedo": 0.8, "GAIN": 0.5}, store=open_store(True))
+    assert (other.cell[1], other.strategies[0].outcome) == ((("GAIN", "0.5"), ("albedo", "0.8")), "fail")
+    assert drawn
+
+
+def test_a_shader_that_lacks_a_parameter_is_told_of(harness: Harness, albedo: Path, no_renderer: None) -> None:
+    shader = ByScene("shader", str(albedo.with_suffix(".frag")))
+    axes = parse_axes(["albedo=0.2,0.8", "rho=1,2", "once=1"])
+    assert list(notes(["mixture", shader], SceneFile(albedo), axes)) == [
+        "note: 'ball' has no uniform, constant or macro 'rho', and is the same at all its values"]
+    said = refusal(harness("study", albedo, *BALL, "--shader", shader.word, "--set", "rho=1"))
+    assert f"{albedo}: no parameter 'rho'; it declares albedo; 'ball' has albedo, GAIN, numpass: write" in said
 
 
 def test_costs_are_told_and_what_was_not_reached_is_said_so(harness: Harness, tinted: Path,

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from harness.errors import HarnessError, SceneError
+from harness.estimators.base import Renderer
 from harness.scene import SceneFile
 from harness.studies.parameters import axes_of, combinations, declared, parse_axes
 
@@ -77,6 +80,33 @@ def test_a_name_that_a_scene_does_not_declare_is_one_clear_error(scene: SceneFil
         "value=\"…\"/> into the scene, and $alhpa where its value belongs")
     with pytest.raises(SceneError, match=r"bare\.xml: no parameter 'alpha'; it declares none"):
         combinations([scene, SceneFile(tmp_path / "bare.xml")], parse_axes(["alpha=1"]))
+
+
+@dataclass(frozen=True)
+class Other:
+    """An estimator with values of its own."""
+
+    name: str = "mine"
+
+    def takes(self, scene: SceneFile) -> tuple[str, ...]:
+        return "alpha", "gain"
+
+    def check(self, scene: SceneFile) -> str:
+        return ""
+
+    def open(self, scene: SceneFile) -> AbstractContextManager[Renderer]:
+        raise NotImplementedError
+
+
+def test_a_name_of_an_estimator_alone_is_set_besides_the_scene(scene: SceneFile) -> None:
+    found = combinations([scene], parse_axes(["gain=1,2", "alpha=3"]), ["mixture", Other()])
+    assert [(each.parameters, each.besides) for each in found] == [
+        ((("alpha", "3"),), (("gain", "1"),)), ((("alpha", "3"),), (("gain", "2"),))]
+    assert [each.name for each in found] == ["plates alpha=3 gain=1", "plates alpha=3 gain=2"]
+    assert found[0].given == (("alpha", "3"), ("gain", "1")) and found[0] != found[1]
+    with pytest.raises(SceneError, match=r"plates\.xml: no parameter 'gian'; it declares depth, .*; 'mine' has alpha, "
+                                         r"gain: write <default"):
+        combinations([scene], parse_axes(["gain=1", "gian=1,2"]), ["mixture", Other()])
 
 
 def test_a_colour_with_commas_is_not_taken_for_three_greys(scene: SceneFile) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,13 @@ class TestCommands:
     def test_are_asked_for_the_scenes_parameters(self, scene: SceneFile) -> None:
         with pytest.raises(HarnessError, match="the scene's parameter 'sigma' does not reach it"):
             only(scene, Command("myrt {seed} {out}"))
+
+    def test_may_have_parameters_of_their_own(self, scene: SceneFile) -> None:
+        command = Command("myrt {seed} {out} {sigma} {gamma}")
+        assert command.takes(scene) == ("gamma", "sigma")
+        assert command.check(replace(scene, besides=(("gamma", "2"), ("other's", "3")))) == ""
+        with pytest.raises(HarnessError, match=r"unknown '\{gamma\}'; allowed: .*, \{sigma\}$"):
+            command.check(scene)
 
 
 class TestImages:

@@ -232,14 +232,14 @@ def _role(uniform: Declared, frame: Frame, answers: Answers, in_use: bool) -> Ro
     said = answers.take(uniform.name)
     inside = [name for name in answers.values if name.startswith(f"{uniform.name}[")]
     for name in inside:
-        answers.kept[name] = _value(uniform, name, answers.take(name), part=True)
+        answers.kept[name] = fitting(uniform, name, answers.take(name), part=True)
     if isinstance(said, str):
         if said not in ROLES:
             raise ShaderError(f"{uniform.where}: --set {uniform.name}={said}: neither a value nor what a uniform is "
                               f"for; say a number, or one of {', '.join(ROLES)}")
         return next(role for role in get_args(Role) if role == said)
     if said is not None:
-        answers.kept[uniform.name] = _value(uniform, uniform.name, said)
+        answers.kept[uniform.name] = fitting(uniform, uniform.name, said)
         return None
     if uniform.name in answers.kept:  # the file says its value
         return None
@@ -251,8 +251,9 @@ def _role(uniform: Declared, frame: Frame, answers: Answers, in_use: bool) -> Ro
     return role
 
 
-def _value(uniform: Declared, name: str, said: Answer | None, part: bool = False) -> Value:
-    """A value that fits the uniform. ShaderError, with file and line, for one that does not."""
+def fitting(uniform: Declared, name: str, said: Answer | None, part: bool = False) -> Value:
+    """A value that fits what is declared; `part`: of one of an array. ShaderError, with file and line, for one that
+    does not."""
     kind = uniform.kind
     columns = re.fullmatch(r"(?:[iubd]?vec|mat)([234])(?:x([234]))?", kind)
     count = 1 if not columns else int(columns[1]) * (int(columns[2] or columns[1]) if kind.startswith("mat") else 1)
