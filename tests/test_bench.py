@@ -18,12 +18,13 @@ from harness.bench import Case
 from harness.cli import main
 from harness.errors import StoreError
 from harness.estimators.mitsuba import Mitsuba
-from harness.estimators.tracer import FEATURES, Tracer
+from harness.estimators.tracer import Tracer
 from harness.files import data_dir
 from harness.results import Benchmark, BenchRow, EntrantRow
 from harness.samples.cost import Cost
 from harness.samples.estimate import Batch
 from harness.scene import SceneFile, load_scene
+from harness.scene.without import FEATURES
 from tests.support.fakes import NoiseRenderer
 
 CASE = Case("diffuse", "cosine", "path", needed=5.0)

@@ -25,7 +25,7 @@ from harness.cli.output import JsonOption, log, print_json, progress
 from harness.errors import HarnessError, SceneError, StoreError
 
 if TYPE_CHECKING:
-    from harness.results import CoupledRecord, Exhibit, KeptPicture
+    from harness.results import CoupledRecord, Exhibit, FeatureImage, KeptPicture
     from harness.samples.store import Store
     from harness.scene import Scene
     from harness.studies.ahead import Part
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 MAX_JOBS = 8  # a process takes half a gigabyte
 COUPLED, ORACLE, EXHIBITS = "against the coupled oracle", "the coupled oracle", "the handout's errors"
+FEATURES = "without a feature"
+# What a report of a single scene is made of.
+PARTS_OF_A_SCENE = 3
 
 
 def report(
@@ -77,8 +80,8 @@ def report(
     results = []
     family = judged(loaded, PROFILES[profile])
     parts = _absent(loaded, PROFILES[profile], family, store, exhibits=not scenes)
-    # The two parts of a single scene gain less than processes cost, and have a bar that moves by batches.
-    elapsed = make_ahead(parts, jobs, progress) if jobs > 1 and len(parts) > 2 and store else {}
+    # The parts of a single scene gain less than processes cost, and have a bar that moves by batches.
+    elapsed = make_ahead(parts, jobs, progress) if jobs > 1 and len(parts) > PARTS_OF_A_SCENE and store else {}
     with progress(len(loaded), f"report ({profile})") as advance:
         for scene in loaded:
             scene_began = time.perf_counter()
@@ -96,6 +99,7 @@ def report(
             if fresh:
                 elapsed[f"{scene.name} {COUPLED}"] = time.perf_counter() - scene_began
             advance(1)
+    features = [image for scene in loaded for image in _features(scene, store)]
     exhibits: Sequence[Exhibit] = ()
     if not scenes:
         from harness.course.memo import remembered_exhibits
@@ -104,6 +108,9 @@ def report(
         exhibits, fresh = remembered_exhibits(store, warn=_warn, progress=progress)
         if fresh:
             elapsed[EXHIBITS] = time.perf_counter() - began_exhibits
+    for name in [name for name in elapsed if name.endswith(FEATURES)]:
+        scene_name = name.removesuffix(f" {FEATURES}")
+        elapsed[scene_name] = elapsed.get(scene_name, 0.0) + elapsed.pop(name)
     oracle = [elapsed.pop(name) for name in list(elapsed) if name.endswith(COUPLED)]
     order = [scene.name for scene in loaded] + [EXHIBITS]
     elapsed = {name: elapsed[name] for name in order if name in elapsed} | ({ORACLE: sum(oracle)} if oracle else {})
@@ -114,7 +121,7 @@ def report(
                     autopsies=_left(output / AUTOPSY_FILE, autopsy.load, None),
                     oracle=_left(oracle_file(), load_oracle, None),
                     causes=_left(causes_file(), load_causes, None), gates=evidence(output / GATES_FOLDER, _warn),
-                    pictures=() if scenes else _pictures())
+                    pictures=() if scenes else _pictures(), features=features)
     pdf = build_report(inputs, output)
     items = {f"{result.scene} {item.strategy}": item
              for result in results for item in result.strategies if item.suits}
@@ -137,8 +144,10 @@ def _absent(scenes: Sequence[Scene], profile: Profile, family: int, store: Store
     """What the report needs and the cache lacks, in the order of the report."""
     from harness.course.memo import exhibits_folder, remembered_exhibits
     from harness.course.storage import WORDS_FILE
+    from harness.report.chapters.features import sides_of
     from harness.studies.ahead import Part
     from harness.studies.coupled import RECORDS_FILE, coupled_folder
+    from harness.studies.features import IMAGES_FILE, features_folder
     from harness.studies.memo import remembered_study, study_folder
     from harness.studies.plan import exhibited
     from harness.studies.storage import STUDY_FILE
@@ -150,6 +159,8 @@ def _absent(scenes: Sequence[Scene], profile: Profile, family: int, store: Store
              for scene in scenes if not (study_folder(scene, profile, family) / STUDY_FILE).exists()]
     parts += [Part(f"{scene.name} {COUPLED}", drawn(scene) / 10, partial(_coupled, scene))
               for scene in scenes if not (coupled_folder(scene) / RECORDS_FILE).exists()]
+    parts += [Part(f"{scene.name} {FEATURES}", drawn(scene) / 100, partial(_features, scene, store)) for scene in scenes
+              if sides_of(scene.name) and not (features_folder(scene, sides_of(scene.name)) / IMAGES_FILE).exists()]
     if exhibits and not (exhibits_folder() / WORDS_FILE).exists():
         parts.append(Part(EXHIBITS, max((part.work for part in parts), default=1.0),
                           partial(remembered_exhibits, store, warn=_warn)))
@@ -182,6 +193,15 @@ def _coupled(scene: Scene) -> tuple[tuple[CoupledRecord, ...], bool]:
     except SceneError as error:
         log(f"warning: {error}; the report does not compare its paths")
         return (), False
+
+
+def _features(scene: Scene, store: Store | None) -> tuple[FeatureImage, ...]:
+    """What the chapter on features shows of a scene besides its study."""
+    from harness.report.chapters.features import sides_of
+    from harness.studies.features import remembered_features
+
+    sides = sides_of(scene.name)
+    return remembered_features(scene, sides, store, warn=_warn)[0] if sides else ()
 
 
 def _pictures() -> list[tuple[KeptPicture, bytes]]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,19 +12,13 @@ from harness.errors import HarnessError
 from harness.gpu.renderer import TracerRenderer
 from harness.scene import Scene, SceneFile, load
 from harness.scene.strategies import check_strategy
+from harness.scene.without import FEATURES
 from harness.shader.library import GENERATED, OURS, Library
 from harness.shader.own_files import own_library
 from harness.shader.samplers import DEFAULT, named, sampler_named, with_sampler
 from harness.shader.source import ShaderSource
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
-# Features of a scene that a tracer can leave out, by name: what they cost is measured against it.
-FEATURES: dict[str, Callable[[Scene], Scene]] = {
-    "lens": lambda scene: dataclasses.replace(
-        scene, camera=dataclasses.replace(scene.camera, aperture_radius=0.0)),
-    "motion": lambda scene: dataclasses.replace(
-        scene, shapes=tuple(dataclasses.replace(shape, motion=None) for shape in scene.shapes)),
-}
 
 
 @dataclass(frozen=True)
@@ -33,7 +26,8 @@ class Tracer:
     """The path tracer with one strategy and one sampler (`harness.shader.samplers`).
 
     `library`: its GLSL; `shader`, `folder`: somebody's own path_tracer.frag, and a folder of files that stand in for
-    the library's of the same name, read when the tracer is opened; `without`: `FEATURES` that are left out.
+    the library's of the same name, read when the tracer is opened; `without`: features that are left out
+    (`harness.scene.without`).
     """
 
     strategy: str = "mixture"

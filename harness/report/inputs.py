@@ -13,6 +13,7 @@ from harness.results import (
     Benchmark,
     CoupledRecord,
     Exhibit,
+    FeatureImage,
     GateEvidence,
     KeptPicture,
     KillRecord,
@@ -35,7 +36,8 @@ class Inputs:
     `exhibits`: the handout's errors; `calibration`: the verdicts' own errors; `coupled`: the tracer against the oracle
     that draws its random numbers; `autopsies`: what these name of mutants; `oracle`: that oracle against Mitsuba's own
     `path`, once and at length; `causes`: how often diagnoses name them; `pictures`: the handout's, with their JPEGs;
-    `gates`: how each ended when it ran last, with what it left in `GATES_FOLDER` beside the report.
+    `gates`: how each ended when it ran last, with what it left in `GATES_FOLDER` beside the report; `features`: scenes
+    without one of their features, and by strategies at equal samples.
     """
 
     results: Sequence[StudyResult]
@@ -51,6 +53,7 @@ class Inputs:
     causes: CausesFile | None = None
     pictures: Sequence[tuple[KeptPicture, bytes]] = ()
     gates: Sequence[GateEvidence] = ()
+    features: Sequence[FeatureImage] = ()
 
     def __post_init__(self) -> None:
         names = [result.scene for result in self.results]

@@ -2,6 +2,7 @@
 
 from harness.results.bench import Benchmark, BenchRow, EntrantRow
 from harness.results.exhibits import Exhibit, ExhibitImage, Finding, Plot, Series
+from harness.results.features import FeatureImage
 from harness.results.gates import (
     AgreementRecord,
     GateEvidence,
@@ -29,6 +30,7 @@ __all__ = [
     "EntrantRow",
     "Exhibit",
     "ExhibitImage",
+    "FeatureImage",
     "Finding",
     "GateEvidence",
     "GateNumbers",

@@ -76,8 +76,10 @@ def unset(monkeypatch: pytest.MonkeyPatch) -> list[Inputs]:
 def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
     harness: Harness, sky: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """Of a scene whose name the chapter on features knows."""
     bench.save(Benchmark((ROW,)), Path("out/bench.json"))
-    first = harness("report", sky, "-o", "out")
+    scene = sky.rename(sky.with_name("spheres.xml"))
+    first = harness("report", scene, "-o", "out")
 
     def refuse(*arguments: object, **options: object) -> None:
         raise AssertionError("a renderer was made")
@@ -85,14 +87,15 @@ def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
     for name in ("tracer.TracerRenderer", "mitsuba.ReferenceRenderer", "coupled.CoupledRenderer"):
         name = f"harness.estimators.{name}"
         monkeypatch.setattr(name, refuse)
-    second = harness("report", sky, "-o", "elsewhere")
+    second = harness("report", scene, "-o", "elsewhere")
     for done, folder in ((first, "out"), (second, "elsewhere")):
         assert (done.status, done.err) == (0, "")
         lines = done.out.splitlines()
         assert lines[0].startswith("6 of 6 pairs of scene and strategy pass; ")
         assert lines[-1] == f"{folder}/report.pdf"
         assert Path(folder, "report.pdf").read_bytes().startswith(b"%PDF-")
-        assert "Nothing but sky." in Path(folder, "report.html").read_text(encoding="utf-8")
+        page = Path(folder, "report.html").read_text(encoding="utf-8")
+        assert "Nothing but sky." in page and "One ray" in page and "uniform, 16 samples" in page
     pages = [json.loads(Path(folder, "report.json").read_text("utf-8"))["chapters"] for folder in ("out", "elsewhere")]
     beside, without = (chapter["blocks"][0]["rows"][0][0]["text"] for page in pages for chapter in page
                        if chapter["title"] == "Speed")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +15,9 @@ from harness.report.chapters.scenes import best_strategy
 from harness.report.figures import pictures
 from harness.report.inputs import Inputs
 from harness.report.texts import read
-from harness.results import StrategyResult, StudyResult
+from harness.results import FeatureImage, StrategyResult, StudyResult
 from harness.samples.estimate import luminance
+from harness.stats.findings import ROUNDING
 
 PLACE = 18
 TITLE, ANCHOR = "Feature by feature", "features"
@@ -50,27 +51,48 @@ class Crop:
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, with the features whose scenes were studied."""
-    studied = dict(zip((result.scene for result in inputs.results), zip(inputs.results, inputs.stems, strict=True),
-                       strict=True))
-    rows = [_row(feature, *studied[feature["scene"]], number) for number, feature in enumerate(read("features.toml")[
-        "feature"]) if feature["scene"] in studied and _shown(feature, studied[feature["scene"]][0])]
+    studied = {result.scene: result for result in inputs.results}
+    drawn = {(image.scene, image.side): image for image in inputs.features}
+    rows = [_row(feature, studied[feature["scene"]], number, drawn) for number, feature in enumerate(_features())
+            if feature["scene"] in studied and _shown(feature, studied[feature["scene"]])]
     if rows:
         parts = [tuple(rows[start:start + _ROWS]) for start in range(0, len(rows), _ROWS)]
-        figures: list[Block] = [Pictures(_caption(continued=index > 0), part) for index, part in enumerate(parts)]
+        left_out = {feature["without"] for feature in _features() if "without" in feature}
+        samples = sorted({image.samples for image in inputs.features if image.side in left_out})
+        figures: list[Block] = [Pictures(_caption(samples, continued=index > 0), part)
+                                for index, part in enumerate(parts)]
         yield Chapter(TITLE, ANCHOR, (Paragraph(_words()), *figures))
+
+
+def sides_of(scene: str) -> tuple[str, ...]:
+    """What is shown of a scene of this name besides its study, each once (see `results.FeatureImage.side`)."""
+    return tuple(dict.fromkeys(side for feature in _features() if feature["scene"] == scene
+                               for side in _sides(feature)))
+
+
+def _features() -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = read("features.toml")["feature"]
+    return found
+
+
+def _sides(feature: dict[str, Any]) -> list[str]:
+    return [feature["without"]] if "without" in feature else list(feature.get("strategies", ()))
 
 
 def _words() -> str:
     return ("What the handout asks of a tracer, each where it shows: on the left the whole image with a frame, then "
-            "what is in the frame, pixel by pixel, from the tracer, from the reference, and their difference in "
-            "standard errors of each pixel. Were a feature wrong, its outline would show there; noise has none. Of "
-            "what only saves samples two strategies are shown in place of that, which differ in nothing else.")
+            "what is in the frame, pixel by pixel: without the feature, with it, from the reference, and the "
+            "difference of these two in standard errors of each pixel. Were a feature wrong, its outline would show "
+            "there; noise has none. What is left out is left out of the scene as it was read, and nothing else is "
+            "changed. Of what only saves samples two strategies are shown in place of that, with as many samples each.")
 
 
-def _caption(*, continued: bool) -> str:
+def _caption(samples: Sequence[int], *, continued: bool) -> str:
     if continued:
         return "Features, continued."
-    return ("Features of the tracer. Images at the scene's exposure and sRGB-encoded. Differences are of luminance, "
+    without = f" Pictures without a feature are of {formats.words(list(map(formats.count, samples)))} samples."
+    return (f"Features of the tracer. Images at the scene's exposure and sRGB-encoded.{without if samples else ''} "
+            "Differences are of luminance, "
             f"{pictures.DARKER} where the tracer is darker, {pictures.BRIGHTER} where it is brighter, to "
             f"±{formats.count(_REACH)} standard errors, {pictures.NOTHING} where there is no noise. Beside a feature's "
             "name: the error of the mean in the frame, and the furthest deviate of the smaller tiles there; chance "
@@ -82,15 +104,22 @@ def _shown(feature: dict[str, Any], result: StudyResult) -> bool:
     return {strategy.strategy for strategy in result.strategies} >= set(feature.get("strategies", ()))
 
 
-def _row(feature: dict[str, Any], result: StudyResult, stem: str, number: int) -> PictureRow:
+def _row(feature: dict[str, Any], result: StudyResult, number: int,
+         drawn: Mapping[tuple[str, str], FeatureImage]) -> PictureRow:
     crop = Crop.of(feature["crop"], result.reference.mean.shape)
     whole = _framed(result.reference.mean, crop, result.exposure)
     first = _picture(f"feature-{number}-whole.png", whole, f"{result.scene}", f"{result.scene} with a frame")
     by_name = {strategy.strategy: strategy for strategy in result.strategies}
     names = feature.get("strategies", ())
     tests = [by_name[name] for name in names] or [best_strategy(result)]
-    shown = [_cropped(strategy, crop, result.exposure, f"feature-{number}-{index}.png")
-             for index, strategy in enumerate(tests)]
+    sides = {side: drawn[result.scene, side] for side in _sides(feature) if (result.scene, side) in drawn}
+    seen = [(feature["title"], one.image) for side, one in sides.items() if side not in names]
+    for test in tests:
+        equal = sides.get(test.strategy)
+        image, samples = (equal.image, equal.samples) if equal else (test.estimate.mean, test.estimate.samples)
+        seen.append((f"{test.strategy}, {formats.count(samples)} samples", image))
+    shown = [_cropped(title, image, crop, result.exposure, f"feature-{number}-{index}.png")
+             for index, (title, image) in enumerate(seen)]
     reference = pictures.display_png(crop.cut(result.reference.mean), result.exposure)
     shown.append(_picture(f"feature-{number}-reference.png", reference, "Reference", "Reference, cropped"))
     told = feature["words"]
@@ -103,10 +132,8 @@ def _row(feature: dict[str, Any], result: StudyResult, stem: str, number: int) -
     return PictureRow((first, *shown), f"{feature['name']}: {told}")
 
 
-def _cropped(strategy: StrategyResult, crop: Crop, exposure: float, file: str) -> Picture:
-    title = f"{strategy.strategy}, {formats.count(strategy.estimate.samples)} samples"
-    content = pictures.display_png(crop.cut(strategy.estimate.mean), exposure)
-    return _picture(file, content, title, f"{strategy.strategy}, cropped")
+def _cropped(title: str, image: np.ndarray, crop: Crop, exposure: float, file: str) -> Picture:
+    return _picture(file, pictures.display_png(crop.cut(image), exposure), title, f"{title}, cropped")
 
 
 def _picture(file: str, content: bytes, title: str, alt: str) -> Picture:
@@ -126,11 +153,12 @@ def _framed(image: np.ndarray, crop: Crop, exposure: float) -> bytes:
 
 
 def _deviates(strategy: StrategyResult, result: StudyResult, crop: Crop) -> np.ndarray:
-    """Each pixel's difference in luminance over its standard error; NaN without noise."""
+    """Each pixel's difference in luminance over its standard error, zero where it is rounding; NaN without noise."""
     difference = luminance(crop.cut(strategy.estimate.mean) - crop.cut(result.reference.mean))
     variance = crop.cut(strategy.estimate.luminance_variance) + crop.cut(result.reference.luminance_variance)
+    rounding = np.abs(difference) <= ROUNDING * luminance(crop.cut(result.reference.mean))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(variance > 0, difference / np.sqrt(variance), np.nan)
+        return np.where(variance > 0, np.where(rounding, 0.0, difference / np.sqrt(variance)), np.nan)
 
 
 def _mean_words(strategy: StrategyResult, result: StudyResult, crop: Crop) -> str:

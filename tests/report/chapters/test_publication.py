@@ -18,7 +18,7 @@ from harness.report.chapters import abstract, deviates, features, gains, limits,
 from harness.report.figures.deviates import pixel_deviates
 from harness.report.headline import headline
 from harness.report.texts import FOLDER, filled, prose, read, works
-from harness.results import KillRecord, StudyResult
+from harness.results import FeatureImage, KillRecord, StudyResult
 from tests.support.blocks import blocks
 from tests.support.report import DEVICE, noisy, with_measured
 
@@ -130,6 +130,29 @@ def test_features_are_shown_where_their_scenes_were_studied(study: StudyResult) 
         "spheres", "mixture", "Reference", "Difference"]
     assert [picture.title.partition(",")[0] for picture in rows[1].pictures[1:]] == ["uniform", "mixture", "Reference"]
     assert not list(features.chapters(Inputs([dataclasses.replace(study, scene="mine")], "quick")))
+
+
+def test_a_feature_stands_beside_the_scene_without_it_and_strategies_have_equal_samples(study: StudyResult) -> None:
+    assert features.sides_of("spheres") == ("footprint", "uniform", "mixture") and not features.sides_of("mine")
+    shape = study.reference.mean.shape
+    drawn = [FeatureImage("spheres", side, number, np.full(shape, 0.1 * number))
+             for number, side in enumerate(("footprint", "uniform", "mixture"), 1)]
+    chapter, = features.chapters(Inputs([study], "quick", features=drawn))
+    first, second = [row for figure in blocks(chapter, Pictures) for row in figure.rows]
+    mixture = next(one for one in study.strategies if one.strategy == "mixture")
+    assert [picture.title for picture in first.pictures] == [
+        "spheres", "One ray", f"mixture, {mixture.estimate.samples} samples", "Reference", "Difference"]
+    assert [picture.title for picture in second.pictures] == [
+        "spheres", "uniform, 2 samples", "mixture, 3 samples", "Reference"]
+    figure = blocks(chapter, Pictures)[0]
+    assert "Pictures without a feature are of 1 samples." in figure.caption
+    files = [picture.file.name for row in (first, second) for picture in row.pictures]
+    assert len(set(files)) == len(files)
+
+
+def test_every_feature_is_left_out_of_something_or_told_by_two_strategies() -> None:
+    for feature in read("features.toml")["feature"]:
+        assert ("without" in feature) == ("title" in feature) != ("strategies" in feature), feature
 
 
 def test_every_feature_names_a_bundled_scene_and_a_part_of_it() -> None:
