@@ -139,7 +139,7 @@ class TestFailure:
         ])
         assert "Traceback" not in result.stdout.str()
         left = {path.name for path in (repository / "harness-results" / "wrong").iterdir()}
-        assert left == {*artefacts.IMAGES, *artefacts.PICTURES, artefacts.LADDER, artefacts.RESULT_FILE}
+        assert left == {*artefacts.IMAGES, *left_behind.PICTURES, artefacts.LADDER, artefacts.RESULT_FILE}
         assert {path.name for path in (repository / "harness-results" / "sky").iterdir()} == {artefacts.RESULT_FILE}
 
     def test_of_what_cannot_run_is_one_line(self, pytester: pytest.Pytester, repository: Path) -> None:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import uniform_filter
-from scipy.stats import rankdata
 
 from harness.diagnosis.causes.catalogue import Defect, load_defects
 from harness.samples.estimate import Estimate, luminance
@@ -80,6 +79,8 @@ USUAL = View()
 
 def find_turn(found: np.ndarray, truth: np.ndarray) -> str:
     """What a picture (H, W, 3) was turned by, where it resembles the reference much more once that is undone."""
+    from scipy.stats import rankdata  # half a second of imports, which the report need not wait for
+
     own, other = (rankdata(luminance(image)).reshape(image.shape[:2]) for image in (found, truth))
     alike = {"": _alike(own, other), **{says: _alike(turn(own), other) for says, turn in TURNS.items()}}
     best = max(alike, key=lambda says: alike[says])

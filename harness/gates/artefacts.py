@@ -19,6 +19,17 @@ from matplotlib.ticker import FuncFormatter, NullLocator, PercentFormatter
 
 from harness.diagnosis.text import lines
 from harness.files import write_atomically
+from harness.gates.left import (
+    ALL_PICTURES,
+    AUTOPSY,
+    CURVE,
+    DIFFERENCE,
+    IMAGES,
+    LADDER,
+    RESULT_FILE,
+    WRONG_DEPTH,
+    Z_MAP,
+)
 from harness.gates.model import Gate, GateResult, Ladder
 from harness.gates.records import as_json
 from harness.report.figures.pictures import DIFFERENCE_MAP, difference_map, robust_limit, tile_pixels
@@ -30,14 +41,6 @@ from harness.samples.images import write_png
 from harness.stats.agreement import AgreementVerdict
 from harness.stats.bias import Outcome
 from harness.stats.findings import largest_deviates
-
-RESULT_FILE, AUTOPSY = "result.json", "autopsy.txt"
-IMAGES = ("test.exr", "test.png", "reference.exr", "reference.png")
-Z_MAP, DIFFERENCE, CURVE = "z-map.png", "difference.png", "curve.svg"
-# Of the ladder of depths, where there is one: errors by depth, and the difference at the first that is wrong.
-LADDER, WRONG_DEPTH = "ladder.svg", "difference-at-wrong-depth.png"
-PICTURES = ("test.png", "reference.png", DIFFERENCE, Z_MAP, CURVE)
-ALL_PICTURES = (*PICTURES, LADDER, WRONG_DEPTH)
 
 # The difference map's range is at least that of visible errors, the z-map's that of chance.
 LEAST_DIFFERENCE = 0.02

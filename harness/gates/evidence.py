@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-from harness.gates.artefacts import ALL_PICTURES, AUTOPSY, IMAGES, RESULT_FILE
+from harness.gates.left import ALL_PICTURES, AUTOPSY, IMAGES, RESULT_FILE
 from harness.gates.records import from_json
 from harness.results import GateEvidence
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from harness.files import write_atomically
-from harness.gates.artefacts import ALL_PICTURES, PICTURES
+from harness.gates.left import ALL_PICTURES, PICTURES
 from harness.gates.records import as_json
 from harness.report.pages.frame import framed
 from harness.results import GateNumbers, GateRecord

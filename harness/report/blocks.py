@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache, cached_property
 from typing import Any, Literal, get_args
 
 from harness.errors import HarnessError
@@ -276,8 +277,17 @@ class Document:
     date: str
     chapters: tuple[Chapter, ...]
 
-    def assets(self) -> dict[str, bytes]:
+    def assets(self) -> Mapping[str, bytes]:
         """The bytes of all pictures and figures, by name. HarnessError where two have one name."""
+        return self._assets
+
+    def json(self) -> str:
+        """The words and tables as JSON, a chapter a line; each block says its `kind`, and pictures are names of
+        files."""
+        return self._json
+
+    @cached_property
+    def _assets(self) -> Mapping[str, bytes]:
         found: dict[str, bytes] = {}
         for asset in _assets(self.chapters):
             if found.setdefault(asset.name, asset.content) != asset.content:
@@ -285,11 +295,15 @@ class Document:
                                    "name in its chapter")
         return found
 
-    def json(self, indent: int | None = None) -> str:
-        """The words and tables as JSON; each block says its `kind`, and pictures are names of files."""
-        plain = {"title": self.title, "subtitle": self.subtitle, "date": self.date, "chapters": self.chapters,
-                 "symbols": SYMBOLS}
-        return json.dumps(plain, default=_plain, ensure_ascii=False, indent=indent)
+    @cached_property
+    def _json(self) -> str:
+        head = _json({"title": self.title, "subtitle": self.subtitle, "date": self.date, "symbols": SYMBOLS})
+        chapters = ",\n".join(map(_json, self.chapters))
+        return f'{head[:-1]}, "chapters": [\n{chapters}\n]}}\n'
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, default=_plain, ensure_ascii=False)
 
 
 def _plain(value: Any) -> Any:
@@ -299,16 +313,23 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Pixels):  # nothing for paper
         return None
     kind = {"kind": type(value).__name__} if isinstance(value, KINDS) else {}
-    return {**kind, **{each.name: getattr(value, each.name) for each in dataclasses.fields(value)}}
+    return {**kind, **{name: getattr(value, name) for name in _fields(type(value))}}
+
+
+@cache
+def _fields(kind: Any) -> tuple[str, ...]:
+    """Names of a dataclass's fields; of anything else nothing."""
+    return tuple(each.name for each in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else ()
 
 
 def _assets(value: Any) -> Iterator[Asset]:
     """Every asset anywhere inside a value."""
-    if isinstance(value, Asset):
-        yield value
-    elif isinstance(value, tuple):
-        for item in value:
-            yield from _assets(item)
-    elif dataclasses.is_dataclass(value):
-        for each in dataclasses.fields(value):
-            yield from _assets(getattr(value, each.name))
+    waiting = [value]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, Asset):
+            yield value
+        elif isinstance(value, tuple):
+            waiting += reversed(value)
+        elif not isinstance(value, str):
+            waiting += [getattr(value, name) for name in reversed(_fields(type(value)))]

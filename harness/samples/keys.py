@@ -43,11 +43,17 @@ def digest(content: object, digits: int = 64) -> str:
 
 def _plain(value: object) -> object:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        return {name: getattr(value, name) for name in _fields(type(value))}
     if isinstance(value, np.ndarray | np.generic):
         data = np.ascontiguousarray(value)
-        return [list(data.shape), data.dtype.str, hashlib.sha256(data.tobytes()).hexdigest()]
+        return [list(data.shape), data.dtype.str, hashlib.sha256(data.data if data.size else b"").hexdigest()]
     raise TypeError(f"a {type(value).__name__} has no digest")
+
+
+@cache
+def _fields(kind: Any) -> tuple[str, ...]:
+    """Of a study's table there are a thousand."""
+    return tuple(field.name for field in dataclasses.fields(kind))
 
 
 def folder_digest(folder: Path, *suffixes: str) -> str:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 from harness.results import StrategyResult, StudyResult
 from harness.stats.convergence import Slope, spp_to_reach
 from harness.stats.efficiency import Factor, sample_variance
 
 BASELINE = "uniform"
+# Of studies that are in use: a report's chapters ask five times for each.
+_found: WeakKeyDictionary[StudyResult, EqualError | None] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,12 @@ def equal_error(result: StudyResult) -> EqualError | None:
     was measured. The baseline is `uniform`, or the first strategy where that has no slope. Intervals have the
     confidence of the slopes; time per sample is taken as exact, its spread being far below that of the samples.
     """
+    if result not in _found:
+        _found[result] = _equal_error(result)
+    return _found[result]
+
+
+def _equal_error(result: StudyResult) -> EqualError | None:
     fitted = [(s, s.slope) for s in result.strategies if s.suits and s.slope is not None and s.slope.points >= 2]
     if len(fitted) < 2:
         return None

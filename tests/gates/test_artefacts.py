@@ -16,7 +16,8 @@ from PIL import Image
 
 from harness.errors import HarnessError
 from harness.gates import Gate, GateResult, load_gates, run_gate
-from harness.gates.artefacts import IMAGES, PICTURES, RESULT_FILE, command, error_record, record, save_result
+from harness.gates.artefacts import IMAGES, RESULT_FILE, command, error_record, record, save_result
+from harness.gates.left import PICTURES
 from harness.gates.records import as_json, from_json
 from harness.gates.summary import counted, write_summary
 from harness.results import GateRecord

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 from harness.report import formats
 from harness.report.blocks import Asset, Block, Cell, Chapter, Column, Curves, Mark, Paragraph, Remark, Remarks, Table
-from harness.report.figures.power import power_svg
 from harness.report.inputs import Inputs
+from harness.report.remembered import remembered_chapters
 from harness.report.suite import PLACES, suite_blocks
 from harness.stats.calibration import SUBJECTS, Calibration, FalseAlarms, Power, by_case
 from harness.stats.rates import CONFIDENCE, Rate, Where
@@ -24,10 +25,13 @@ MISSED = 0.05
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, where anything was calibrated."""
     if inputs.calibration is not None:
-        calibration = inputs.calibration
-        yield Chapter(TITLE, ANCHOR, (
-            Paragraph(_introduction(calibration)), Remarks(_remarks(calibration)), _table(calibration),
-            _power(calibration), *_coupled(calibration), *suite_blocks(calibration.suite)))
+        yield from remembered_chapters(partial(_chapters, inputs.calibration), __name__, inputs.calibration)
+
+
+def _chapters(calibration: Calibration) -> Iterator[Chapter]:
+    yield Chapter(TITLE, ANCHOR, (
+        Paragraph(_introduction(calibration)), Remarks(_remarks(calibration)), _table(calibration),
+        _power(calibration), *_coupled(calibration), *suite_blocks(calibration.suite)))
 
 
 def _introduction(calibration: Calibration) -> str:
@@ -46,6 +50,8 @@ def _introduction(calibration: Calibration) -> str:
 
 
 def _power(calibration: Calibration) -> Curves:
+    from harness.report.figures.power import power_svg
+
     deciding = _deciding(calibration.powers)
     svg, names = power_svg(calibration.powers)
     caption = (

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.report import formats
 from harness.report.blocks import Asset, Chapter, Curves, Paragraph, Remark, Remarks
-from harness.report.figures.deviates import Deviates, deviates_svg, pixel_deviates
 from harness.report.inputs import Inputs
+from harness.report.remembered import remembered_chapters
 from harness.report.texts import paragraph
 from harness.results import StudyResult
 from harness.stats.deviates import one_sided
+
+if TYPE_CHECKING:
+    from harness.report.figures.deviates import Deviates
 
 PLACE = 25
 TITLE, ANCHOR = "Is what is left noise?", "deviates"
@@ -24,13 +29,19 @@ _OFF = 0.05
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, where any pixel has noise."""
-    shown = [found for result in inputs.results if (found := _least_noisy(result))]
+    yield from remembered_chapters(partial(_chapters, inputs.results), __name__, inputs.results)
+
+
+def _chapters(results: Sequence[StudyResult]) -> Iterator[Chapter]:
+    shown = [found for result in results if (found := _least_noisy(result))]
     if shown:
         yield Chapter(TITLE, ANCHOR, (_words(), Remarks(_remarks(shown)), _figure(shown)))
 
 
 def _least_noisy(result: StudyResult) -> Deviates | None:
     """Those of the suitable strategy with the least RMSE that has noise at all; None where none has."""
+    from harness.report.figures.deviates import pixel_deviates
+
     suited = sorted((strategy for strategy in result.strategies if strategy.suits),
                     key=lambda strategy: float(np.nan_to_num(strategy.score("rmse"), nan=np.inf)))
     found = (pixel_deviates(result, strategy) for strategy in suited)
@@ -62,6 +73,8 @@ def _remarks(shown: Sequence[Deviates]) -> tuple[Remark, ...]:
 
 
 def _figure(shown: Sequence[Deviates]) -> Curves:
+    from harness.report.figures.deviates import deviates_svg
+
     caption = (
         "Deviates of pixels in luminance, of each scene's least noisy strategy, all replicas merged, against the "
         "reference (grey), and the density of N(0, 1) (dashed). What lies beyond the axis is in the outermost bins. "

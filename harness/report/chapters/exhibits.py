@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 from harness.report import formats
 from harness.report.bars import signed_bar
@@ -24,8 +25,8 @@ from harness.report.blocks import (
     Table,
 )
 from harness.report.figures import pictures
-from harness.report.figures.panels import HANDOUT, OURS, panels_svg
 from harness.report.inputs import Inputs
+from harness.report.remembered import remembered_chapters
 from harness.results import Exhibit, ExhibitImage, Finding, Plot
 
 PLACE = 30
@@ -37,8 +38,12 @@ _CLIPS = {"relative": 0.5, "deviations": 3.0}  # beyond these, a map's colours s
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, where exhibits were measured: an overview, and a section an error."""
     if inputs.exhibits:
-        sections = (block for exhibit in inputs.exhibits for block in _section(exhibit))
-        yield Chapter(TITLE, ANCHOR, (Paragraph(_introduction(inputs.exhibits)), _overview(inputs.exhibits), *sections))
+        yield from remembered_chapters(partial(_chapters, inputs.exhibits), __name__, inputs.exhibits)
+
+
+def _chapters(exhibits: Sequence[Exhibit]) -> Iterator[Chapter]:
+    sections = (block for exhibit in exhibits for block in _section(exhibit))
+    yield Chapter(TITLE, ANCHOR, (Paragraph(_introduction(exhibits)), _overview(exhibits), *sections))
 
 
 def _introduction(exhibits: Sequence[Exhibit]) -> str:
@@ -154,6 +159,8 @@ def _bar(image: ExhibitImage, scale: float) -> Bar:
 
 
 def _curves(exhibit: Exhibit) -> Curves:
+    from harness.report.figures.panels import panels_svg
+
     svg, width = panels_svg(exhibit.plots, exhibit.id)
     titles = formats.words([plot.title for plot in exhibit.plots])
     file = Asset(f"{_anchor(exhibit)}-curves.svg", svg)
@@ -162,5 +169,7 @@ def _curves(exhibit: Exhibit) -> Curves:
 
 def _key(plots: Sequence[Plot]) -> str:
     """Which line is whose; the names are those of the plots."""
+    from harness.report.figures.panels import HANDOUT, OURS
+
     names = dict.fromkeys((series.ours, series.name) for plot in plots for series in plot.series)
     return " ".join(f"{OURS if ours else HANDOUT}: {name}." for ours, name in sorted(names))

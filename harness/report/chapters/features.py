@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from harness.report.blocks import Asset, Block, Chapter, Paragraph, Picture, Pic
 from harness.report.chapters.scenes import best_strategy
 from harness.report.figures import pictures
 from harness.report.inputs import Inputs
+from harness.report.remembered import remembered_chapters
 from harness.report.texts import read
 from harness.results import FeatureImage, StrategyResult, StudyResult
 from harness.samples.estimate import luminance
@@ -51,14 +53,19 @@ class Crop:
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, with the features whose scenes were studied."""
-    studied = {result.scene: result for result in inputs.results}
-    drawn = {(image.scene, image.side): image for image in inputs.features}
+    yield from remembered_chapters(partial(_chapters, inputs.results, inputs.features), __name__, inputs.results,
+                                   inputs.features)
+
+
+def _chapters(results: Sequence[StudyResult], images: Sequence[FeatureImage]) -> Iterator[Chapter]:
+    studied = {result.scene: result for result in results}
+    drawn = {(image.scene, image.side): image for image in images}
     rows = [_row(feature, studied[feature["scene"]], number, drawn) for number, feature in enumerate(_features())
             if feature["scene"] in studied and _shown(feature, studied[feature["scene"]])]
     if rows:
         parts = [tuple(rows[start:start + _ROWS]) for start in range(0, len(rows), _ROWS)]
         left_out = {feature["without"] for feature in _features() if "without" in feature}
-        samples = sorted({image.samples for image in inputs.features if image.side in left_out})
+        samples = sorted({image.samples for image in images if image.side in left_out})
         figures: list[Block] = [Pictures(_caption(samples, continued=index > 0), part)
                                 for index, part in enumerate(parts)]
         yield Chapter(TITLE, ANCHOR, (Paragraph(_words()), *figures))

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.report import formats
 from harness.report.blocks import Asset, Cell, Chapter, Column, Curves, Paragraph, Table
-from harness.report.figures.gains import Row, gains_svg
 from harness.report.inputs import Inputs
+from harness.report.remembered import remembered_chapters
 from harness.report.tables import strategy_cell
+from harness.results import StudyResult
 from harness.studies.equal_error import BASELINE, Cost, equal_error
+
+if TYPE_CHECKING:  # figures import matplotlib, half a second that pages which are read back need not wait for
+    from harness.report.figures.gains import Row
 
 PLACE = 17
 TITLE, ANCHOR = "What strategies and samplers buy", "gains"
@@ -19,7 +25,13 @@ TITLE, ANCHOR = "What strategies and samplers buy", "gains"
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """The chapter, where on any scene two strategies have a slope."""
-    rows = [(result.scene, equal) for result in inputs.results if (equal := equal_error(result))]
+    yield from remembered_chapters(partial(_chapters, inputs.results), __name__, inputs.results)
+
+
+def _chapters(results: Sequence[StudyResult]) -> Iterator[Chapter]:
+    from harness.report.figures.gains import gains_svg
+
+    rows = [(result.scene, equal) for result in results if (equal := equal_error(result))]
     if rows:
         caption = (
             f"How many times sooner than the baseline ({BASELINE}, or else the scene's first strategy) each strategy "

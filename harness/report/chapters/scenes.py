@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -27,10 +28,10 @@ from harness.report.blocks import (
     Swatch,
 )
 from harness.report.figures import pictures
-from harness.report.figures.convergence import curves_svg
 from harness.report.figures.style import strategy_style
 from harness.report.inputs import Inputs
 from harness.report.pixels import Pixels, Tested, plane
+from harness.report.remembered import remembered_chapters
 from harness.report.tables import EXPECTED_SLOPE, accuracy_table, cost_table, is_exact
 from harness.report.tiles import deviates_row, deviates_words, failures, tiles_table
 from harness.results import StrategyResult, StudyResult
@@ -50,8 +51,14 @@ _FEW_SCENES = 3
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """One chapter a scene."""
+    every = len(inputs.results) <= _FEW_SCENES
     for result, stem, anchor in zip(inputs.results, inputs.stems, inputs.anchors, strict=True):
-        yield scene_chapter(result, stem, anchor, every=len(inputs.results) <= _FEW_SCENES)
+        yield from remembered_chapters(partial(_chapters, result, stem, anchor, every), __name__, result, stem, anchor,
+                                       every)
+
+
+def _chapters(result: StudyResult, stem: str, anchor: str, every: bool) -> Iterator[Chapter]:
+    yield scene_chapter(result, stem, anchor, every=every)
 
 
 def scene_chapter(result: StudyResult, stem: str, anchor: str, *, every: bool = True) -> Chapter:
@@ -217,6 +224,8 @@ def _reference_title(result: StudyResult) -> str:
 
 
 def _curves(result: StudyResult, stem: str) -> Curves:
+    from harness.report.figures.convergence import curves_svg
+
     file = Asset(f"{stem}-curves.svg", curves_svg(result))
     level = formats.levels(strategy.verdict.confidence for strategy in result.strategies)
     caption = (f"{result.scene}: convergence of each strategy. Lines are means over the replicas (geometric for RMSE "

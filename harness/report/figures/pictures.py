@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import io
 import math
+from functools import cache
 from importlib import metadata
 
-import matplotlib
 import numpy as np
 from PIL import Image
 
@@ -92,9 +92,17 @@ def bar_png(name: str) -> bytes:
     return _mapped(np.linspace(0, 1, _LEVELS)[None, :], name)
 
 
+@cache
 def palette(name: str) -> bytes:
     """The colours of a map in their order, three bytes each: red, green, blue."""
-    return bytes(matplotlib.colormaps[name](np.linspace(0, 1, _LEVELS), bytes=True)[:, :3].tobytes())
+    key = [_LEVELS, name, metadata.version("matplotlib")]
+    return remembered_bytes("figures", key, lambda: _colours(name))
+
+
+def _colours(name: str) -> bytes:
+    from matplotlib import colormaps
+
+    return bytes(colormaps[name](np.linspace(0, 1, _LEVELS), bytes=True)[:, :3].tobytes())
 
 
 def robust_limit(maps: list[np.ndarray], floor: float) -> float:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from importlib.util import find_spec
 from pathlib import Path
-
-import matplotlib
 
 from harness.scene.strategies import TABLE, Style
 
@@ -49,7 +48,9 @@ TOLERANCE_COLOUR = "#e9efe9"
 
 def font_folder() -> Path:
     """Where matplotlib keeps the fonts that it brings; `FONT` and DejaVu Sans are among them."""
-    return Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+    found = find_spec("matplotlib")  # which imports nothing of it
+    assert found is not None and found.origin
+    return Path(found.origin).parent / "mpl-data" / "fonts" / "ttf"
 
 
 _STYLES = {each.name: each.style for each in TABLE if each.style is not None}

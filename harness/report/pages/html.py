@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -38,6 +40,8 @@ from harness.report.figures.style import FONT, font_folder
 from harness.report.pages.embedded import POLICY, palettes_script, pixels_script, scripts
 from harness.report.pages.frame import framed
 from harness.report.pages.mathml import mathml
+from harness.samples.keys import code_digest
+from harness.samples.memo import remembered_bytes
 
 _FONT_NAME = "Report STIX"
 
@@ -67,21 +71,29 @@ def _font_face(document: Document) -> str:
 
     The STIX fonts' licence (SIL OFL 1.1) permits embedding; the renamed family keeps an installed one apart.
     """
+    letters = set().union(*(assets.decode() for name, assets in document.assets().items() if name.endswith(".svg")))
+    whole = (font_folder() / f"{FONT}.ttf").read_bytes()
+    key = [code_digest(__name__), metadata.version("fonttools"), hashlib.sha256(whole).hexdigest(), sorted(letters)]
+    cut = remembered_bytes("pages", key, lambda: _cut_down(whole, letters))
+    source = f"data:font/woff;base64,{base64.b64encode(cut).decode()}"
+    return f'@font-face {{ font-family: "{_FONT_NAME}"; src: url({source}) format("woff"); }}\n'
+
+
+def _cut_down(font: bytes, letters: Iterable[str]) -> bytes:
+    """The font (TTF) with the glyphs of some letters alone, as WOFF."""
     from fontTools import subset  # type: ignore[import-untyped]  # matplotlib itself requires it
     from fontTools.ttLib import TTFont  # type: ignore[import-untyped]
 
-    letters = set().union(*(assets.decode() for name, assets in document.assets().items() if name.endswith(".svg")))
     options = subset.Options(layout_features=[], hinting=False, notdef_outline=True)
-    font = TTFont(font_folder() / f"{FONT}.ttf")
     options.drop_tables += ["FFTM"]  # a font editor's time stamps
     cutter = subset.Subsetter(options)
     cutter.populate(unicodes=[ord(letter) for letter in letters])
-    cutter.subset(font)
+    made = TTFont(io.BytesIO(font))
+    cutter.subset(made)
     buffer = io.BytesIO()
-    font.flavor = "woff"
-    font.save(buffer)
-    source = f"data:font/woff;base64,{base64.b64encode(buffer.getvalue()).decode()}"
-    return f'@font-face {{ font-family: "{_FONT_NAME}"; src: url({source}) format("woff"); }}\n'
+    made.flavor = "woff"
+    made.save(buffer)
+    return buffer.getvalue()
 
 
 def _chapter(chapter: Chapter) -> str:
