@@ -124,11 +124,12 @@ class GateItem(pytest.Item):
     def runtest(self) -> None:
         from harness.files import require_writable
         from harness.gates import artefacts, run_gate
+        from harness.gates.left import RESULT_FILE
 
         folder = results_folder(self.config) / self.label
         artefacts.clear(folder)
         try:
-            require_writable(folder / artefacts.RESULT_FILE)
+            require_writable(folder / RESULT_FILE)
             result = run_gate(self.gate, self.config.stash[_REFERENCES],
                               ladder=not self.config.getoption("--harness-no-ladder"))
             artefacts.save_result(result, folder, pictures=result.outcome != "pass")

@@ -12,6 +12,7 @@ import pytest
 
 import harness.gates  # what in-process runs import must be there before and stay: it cannot be imported twice
 from harness.gates import artefacts, summary
+from harness.gates import left as left_names
 from harness.machine.mitsuba_runtime import use_reference_variant
 from tests.support.gates import GATES, write
 
@@ -139,7 +140,7 @@ class TestFailure:
         ])
         assert "Traceback" not in result.stdout.str()
         left = {path.name for path in (repository / "harness-results" / "wrong").iterdir()}
-        assert left == {*artefacts.IMAGES, *left_behind.PICTURES, artefacts.LADDER, artefacts.RESULT_FILE}
+        assert left == {*artefacts.IMAGES, *left_names.PICTURES, artefacts.LADDER, artefacts.RESULT_FILE}
         assert {path.name for path in (repository / "harness-results" / "sky").iterdir()} == {artefacts.RESULT_FILE}
 
     def test_of_what_cannot_run_is_one_line(self, pytester: pytest.Pytester, repository: Path) -> None:

@@ -67,9 +67,11 @@ def report(
     from harness.mutants import autopsy, matrix
     from harness.report import Inputs, build_report
     from harness.report.inputs import GATES_FOLDER
+    from harness.samples.memo import seconds_to_make
     from harness.studies.ahead import make_ahead
     from harness.studies.causes import causes_file, load_causes
-    from harness.studies.memo import remembered_study
+    from harness.studies.coupled import coupled_folder
+    from harness.studies.memo import remembered_study, study_folder
     from harness.studies.oracle import load_oracle, oracle_file
     from harness.studies.plan import PROFILES, judged
 
@@ -81,39 +83,32 @@ def report(
     family = judged(loaded, PROFILES[profile])
     parts = _absent(loaded, PROFILES[profile], family, store, exhibits=not scenes)
     # The parts of a single scene gain less than processes cost, and have a bar that moves by batches.
-    elapsed = make_ahead(parts, jobs, progress) if jobs > 1 and len(parts) > PARTS_OF_A_SCENE and store else {}
+    if jobs > 1 and len(parts) > PARTS_OF_A_SCENE and store:
+        make_ahead(parts, jobs, progress)
+    # Of what is read back, too: the report is then the same as when all was new.
+    took: dict[str, float | None] = {}
     with progress(len(loaded), f"report ({profile})") as advance:
         for scene in loaded:
-            scene_began = time.perf_counter()
-            result, fresh = remembered_study(scene, PROFILES[profile], family, store, warn=_warn, progress=progress)
-            results.append(result)
-            if fresh:
-                elapsed[scene.name] = time.perf_counter() - scene_began
+            results.append(remembered_study(scene, PROFILES[profile], family, store, warn=_warn, progress=progress)[0])
+            took[scene.name] = seconds_to_make(study_folder(scene, PROFILES[profile], family))
             advance(1)
     coupled: list[CoupledRecord] = []
+    oracle = []
     with progress(len(loaded), "the same paths by Mitsuba") as advance:
         for scene in loaded:
-            scene_began = time.perf_counter()
-            found, fresh = _coupled(scene)
-            coupled += found
-            if fresh:
-                elapsed[f"{scene.name} {COUPLED}"] = time.perf_counter() - scene_began
+            if found := _coupled(scene):
+                coupled += found
+                oracle.append(seconds_to_make(coupled_folder(scene)))
             advance(1)
     features = [image for scene in loaded for image in _features(scene, store)]
     exhibits: Sequence[Exhibit] = ()
     if not scenes:
-        from harness.course.memo import remembered_exhibits
+        from harness.course.memo import exhibits_folder, remembered_exhibits
 
-        began_exhibits = time.perf_counter()
-        exhibits, fresh = remembered_exhibits(store, warn=_warn, progress=progress)
-        if fresh:
-            elapsed[EXHIBITS] = time.perf_counter() - began_exhibits
-    for name in [name for name in elapsed if name.endswith(FEATURES)]:
-        scene_name = name.removesuffix(f" {FEATURES}")
-        elapsed[scene_name] = elapsed.get(scene_name, 0.0) + elapsed.pop(name)
-    oracle = [elapsed.pop(name) for name in list(elapsed) if name.endswith(COUPLED)]
-    order = [scene.name for scene in loaded] + [EXHIBITS]
-    elapsed = {name: elapsed[name] for name in order if name in elapsed} | ({ORACLE: sum(oracle)} if oracle else {})
+        exhibits = remembered_exhibits(store, warn=_warn, progress=progress)[0]
+        took[EXHIBITS] = seconds_to_make(exhibits_folder())
+    took[ORACLE] = sum(filter(None, oracle)) or None
+    elapsed = {name: seconds for name, seconds in took.items() if seconds is not None}
     inputs = Inputs(results, profile, elapsed=elapsed, exhibits=exhibits, coupled=coupled,
                     bench=_left(output / BENCH_FILE, bench.load, None),
                     calibration=_left(output / CALIBRATION_FILE, calibration.load, None),
@@ -184,15 +179,15 @@ def _open_all(paths: Sequence[Path]) -> list[Scene]:
     return loaded
 
 
-def _coupled(scene: Scene) -> tuple[tuple[CoupledRecord, ...], bool]:
-    """A scene against the coupled oracle, and whether it was measured now; nothing where that cannot follow it."""
+def _coupled(scene: Scene) -> tuple[CoupledRecord, ...]:
+    """A scene against the coupled oracle; nothing where that cannot follow it."""
     from harness.studies.coupled import remembered_coupled
 
     try:
-        return remembered_coupled(scene, warn=_warn)
+        return remembered_coupled(scene, warn=_warn)[0]
     except SceneError as error:
         log(f"warning: {error}; the report does not compare its paths")
-        return (), False
+        return ()
 
 
 def _features(scene: Scene, store: Store | None) -> tuple[FeatureImage, ...]:

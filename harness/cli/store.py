@@ -53,23 +53,28 @@ def store(
 
 
 def _list(held: Store, *, json: bool) -> None:
-    from harness.samples.inventory import inventory
+    from harness.files import cache_dir
+    from harness.samples.inventory import inventory, inventory_of_made
 
-    found = inventory(held)
+    found, made = inventory(held), inventory_of_made(cache_dir())
     if json:
-        print_json({"root": held.root, "limit": held.limit, "bytes": sum(one.bytes for one in found), "series": found})
+        print_json({"root": held.root, "limit": held.limit, "bytes": sum(one.bytes for one in found), "series": found,
+                    "made": made})
         return
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
     for heading in ("scene", "estimator", "samples", "size", "last use"):
         table.add_column(heading, justify="right" if heading in ("samples", "size") else "left")
-    for one in found:
+    for one in (*found, *made):
         table.add_row(one.scene or "-", one.estimator or "-", str(one.samples or "-"), _size(one.bytes), _when(one))
-    if found:
+    if found or made:
         print_rich(table)
     print(f"{held.root}: {_size(sum(one.bytes for one in found))} in {sum(one.batches for one in found)} files of "
           f"{len(found)} series; pruned by itself beyond {_size(held.limit)}")
+    if made:
+        print(f"{cache_dir()}: {_size(sum(one.bytes for one in made))} besides, made of them and made again where it "
+              "is removed")
 
 
 def _verify(held: Store, *, json: bool) -> int:
@@ -91,19 +96,23 @@ def _verify(held: Store, *, json: bool) -> int:
 
 
 def _prune(held: Store, older: str | None, keep: str | None, *, json: bool) -> None:
-    from harness.samples.inventory import prune
+    from harness.files import cache_dir
+    from harness.samples.inventory import inventory_of_made, prune, prune_made
 
     if not (older or keep):
         raise HarnessError("prune: say what is to go: --older 30d (unused for so long), --keep 5GB (no more than that "
                            "is left), or both")
-    removed = prune(held, keep=_parsed(keep, "--keep", _BYTES, "500MB or 5GB") if keep else None,
-                    older=_parsed(older, "--older", _SECONDS, "12h, 30d or 8w") if older else None)
-    left = held.size()
+    room = _parsed(keep, "--keep", _BYTES, "500MB or 5GB") if keep else None
+    unused = _parsed(older, "--older", _SECONDS, "12h, 30d or 8w") if older else None
+    removed = prune(held, keep=room, older=unused)
+    # Batches took longest to draw: what is made of them has the room that they leave.
+    removed += prune_made(cache_dir(), keep=None if room is None else max(0, room - held.size()), older=unused)
+    left = held.size() + sum(one.bytes for one in inventory_of_made(cache_dir()))
     if json:
         print_json({"root": held.root, "removed": removed, "bytes": left})
     else:
         print(f"{held.root}: {_size(removed)} removed, {_size(left)} left")
-    if keep and left > _parsed(keep, "--keep", _BYTES, ""):
+    if room is not None and left > room:
         log(f"warning: {held.root}: other processes write to it, or files cannot be removed")
 
 

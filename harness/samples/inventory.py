@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -15,6 +16,11 @@ from harness.samples.store import ABOUT_FILE, KEY_FILE, SET_ASIDE, Store
 
 # Seconds after which whoever left a file half-written is taken for dead, and an empty folder for nobody's.
 ABANDONED = 3600.0
+# What is made of batches and read back where it was made before, by its folder in the cache; each file, or folder of
+# files, in it is one that is made again where it went.
+MADE = {"studies": "studies of a report", "coupled": "coupled comparisons of a report",
+        "features": "features of a report", "exhibits": "the handout's errors", "figures": "figures of a report", "chapters": "chapters of a report",
+        "pages": "pages of a report", "meshes": "meshes of displaced shapes"}
 # What a renderer's identity calls its way of drawing, in the order in which people say it.
 _WORDS = ("strategy", "integrator", "command", "sampler")
 
@@ -47,6 +53,44 @@ def inventory(store: Store) -> list[Series]:
         series.append(Series("", "", SET_ASIDE, len(aside), 0, 0, sum(size for _, size, _ in aside),
                              max(used for used, _, _ in aside)))
     return series
+
+
+def inventory_of_made(cache: Path) -> list[Series]:
+    """What the cache holds besides batches, a line for each kind that is there."""
+    found = []
+    for kind, name in MADE.items():
+        items = list(_made(cache, kind))
+        if items:
+            found.append(Series(kind, "", name, len(items), 0, 0, sum(size for _, size, _ in items),
+                                max(used for used, _, _ in items)))
+    return found
+
+
+def prune_made(cache: Path, *, keep: int | None = None, older: float | None = None) -> int:
+    """Remove of what was made of batches all that was not used for `older` seconds, then what was unused for longest
+    until at most `keep` bytes are left; returns the bytes removed. It is made again when it is needed."""
+    items = sorted(item for kind in MADE for item in _made(cache, kind))
+    left = sum(size for _, size, _ in items)
+    removed, now = 0, time.time()
+    for used, size, path in items:
+        if (keep is None or left - removed <= keep) and (older is None or now - used < older):
+            continue
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+        removed += size
+    return removed
+
+
+def _made(cache: Path, kind: str) -> Iterator[tuple[float, int, Path]]:
+    """(time of last use, bytes, path) of each file or folder of a kind, whatever other processes remove meanwhile."""
+    with suppress(OSError):
+        for path in (cache / kind).iterdir():
+            with suppress(OSError):
+                files = [each.stat() for each in (path.iterdir() if path.is_dir() else [path])]
+                yield max((status.st_mtime for status in files), default=0.0), sum(
+                    status.st_size for status in files), path
 
 
 def _series(folder: Path, files: list[tuple[float, int, Path]]) -> Series:

@@ -51,6 +51,15 @@ def test_prune_removes_what_it_is_told_to(harness: Harness, rendered: Path) -> N
     assert not list(rendered.rglob("*.exr"))
 
 
+def test_what_is_made_of_batches_is_listed_and_pruned(harness: Harness, rendered: Path) -> None:
+    figure = rendered.parent / "figures" / "0123"
+    figure.parent.mkdir()
+    figure.write_bytes(b"x" * 2000)
+    assert re.search(r"figures of a report +- +2 kB", harness("store", "list").out)
+    harness("store", "prune", "--keep", "3kB")
+    assert not figure.exists() and list(rendered.rglob("*.exr")), "batches took longer to draw"
+
+
 @pytest.mark.parametrize(("arguments", "said"), [
     (("prune",), "say what is to go: --older 30d"),
     (("list", "--keep", "1GB"), "--older and --keep are for `harness store prune`"),

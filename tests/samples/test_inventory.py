@@ -11,7 +11,7 @@ import pytest
 
 from harness.files import PARTIAL_PREFIX
 from harness.samples.estimate import Batch
-from harness.samples.inventory import ABANDONED, inventory, prune, verify
+from harness.samples.inventory import ABANDONED, inventory, inventory_of_made, prune, prune_made, verify
 from harness.samples.store import ABOUT_FILE, KEY_FILE, SET_ASIDE, Store
 
 OURS = {"renderer": "glsl", "scene": "0123", "strategy": "mixture", "sampler": "sobol"}
@@ -138,3 +138,39 @@ class TestPrune:
         prune(store, keep=0)
         assert list(store.root.glob("??/*")) == folders[1:]
         assert not (folders[0] / ABOUT_FILE).exists()
+
+
+class TestMade:
+    """What is made of batches: figures in files, studies in folders."""
+
+    @pytest.fixture
+    def cache(self, tmp_path: Path) -> Path:
+        """Two figures, one of them twenty days old, and a study of two files, ten days old."""
+        for name, size, days in (("figures/new", 10, 0), ("figures/old", 20, 20), ("studies/a/study.json", 30, 10),
+                                 ("studies/a/reference.exr", 40, 15), ("batches/aa/b/0-0-1.exr", 50, 99)):
+            path = tmp_path / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(b"x" * size)
+            os.utime(path, (time.time() - days * DAY,) * 2)
+        return tmp_path
+
+    def test_is_told_a_line_a_kind(self, cache: Path) -> None:
+        studies, figures = inventory_of_made(cache)
+        assert (studies.estimator, studies.batches, studies.bytes) == ("studies of a report", 1, 70)
+        assert (figures.key, figures.batches, figures.bytes) == ("figures", 2, 30)
+        assert figures.used > studies.used + 9 * DAY
+
+    @pytest.mark.parametrize(("options", "removed", "left"), [
+        ({"older": 30 * DAY}, 0, ["figures/new", "figures/old", "studies/a"]),
+        ({"older": 12 * DAY}, 20, ["figures/new", "studies/a"]),
+        ({"keep": 80}, 20, ["figures/new", "studies/a"]),
+        ({"keep": 79}, 90, ["figures/new"]),
+        ({"keep": 0}, 100, []),
+    ])
+    def test_goes_by_last_use_whole_folders_at_a_time_and_no_batch(
+        self, cache: Path, options: dict[str, float], removed: int, left: list[str],
+    ) -> None:
+        assert prune_made(cache, **options) == removed  # type: ignore[arg-type]
+        assert sorted(str(path.relative_to(cache)) for kind in ("figures", "studies")
+                      for path in (cache / kind).iterdir()) == left
+        assert (cache / "batches/aa/b/0-0-1.exr").exists()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness.errors import StoreError
-from harness.samples.memo import remembered, remembered_bytes
+from harness.samples.memo import ASIDE, remembered, remembered_bytes, seconds_to_make
 
 
 class TestFolders:
@@ -30,8 +30,13 @@ class TestFolders:
     def test_made_once(self, tmp_path: Path) -> None:
         told: list[str] = []
         assert self.recall(tmp_path / "a", told) == ("new", True)
+        took = seconds_to_make(tmp_path / "a")
         assert self.recall(tmp_path / "a", told) == ("new", False)
         assert told == []
+        assert took is not None and took == seconds_to_make(tmp_path / "a")
+
+    def test_of_what_was_made_elsewhere_no_time_is_known(self, tmp_path: Path) -> None:
+        assert seconds_to_make(tmp_path) is None
 
     def test_a_folder_without_its_last_file_is_nothing(self, tmp_path: Path) -> None:
         (tmp_path / "a").mkdir()
@@ -59,12 +64,13 @@ class TestBytes:
         assert made == [b"one", b"one", b"two"]
 
     @pytest.mark.parametrize("damage", [b"", b"short", b"x" * 40])
-    def test_damaged_ones_are_made_again(self, cache: Path, damage: bytes) -> None:
+    def test_damaged_ones_are_set_aside_and_made_again(self, cache: Path, damage: bytes) -> None:
         remembered_bytes("figures", "key", lambda: b"one")
         file, = cache.iterdir()
         file.write_bytes(damage)
         assert remembered_bytes("figures", "key", lambda: b"two") == b"two"
         assert remembered_bytes("figures", "key", lambda: b"three") == b"two"
+        assert file.with_name(file.name + ASIDE).read_bytes() == damage
 
     def test_a_cache_that_cannot_be_written_costs_only_time(self, tmp_path: Path) -> None:
         (tmp_path / "cache").touch()

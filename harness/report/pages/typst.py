@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
+from importlib import metadata
 from pathlib import Path
 
 import typst
@@ -21,7 +22,7 @@ def typeset(document: Document) -> bytes:
     """The document as PDF; read back where the same was set before, with the same fonts by the same typesetter."""
     template = (data_dir("reports") / TEMPLATE).read_bytes()
     files = {TEMPLATE: template, "report.json": document.json().encode(), **document.assets()}
-    key = [code_digest(__name__), typst.__version__, folder_digest(font_folder(), ".ttf"),
+    key = [code_digest(__name__), metadata.version("typst"), folder_digest(font_folder(), ".ttf"),
            {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}]
     return remembered_bytes("pages", key, lambda: _compiled(files))
 
