@@ -177,6 +177,26 @@ class TestSsim:
         assert ssim(noisy, np.full(GREY.shape, 4.0)) == pytest.approx(1.0)
         assert ssim(noisy, np.full(GREY.shape, 4.0), exposure=-3.0) < 0.5
 
+    def test_is_scikit_images_bit_for_bit_whatever_was_asked_before(self, rng: np.random.Generator) -> None:
+        """Images of one reference in turn with others of another one, of another size, and at another exposure."""
+        from skimage.metrics import structural_similarity
+
+        references = [rng.gamma(2.0, 0.4, (40, 30, 3)), rng.gamma(2.0, 0.4, (17, 23, 3))]
+        for index, exposure in ((0, 0.0), (0, 0.0), (1, 0.0), (0, -1.0), (0, -1.0), (1, 0.0)):
+            reference = references[index]
+            test = reference + rng.normal(0.0, 0.1, reference.shape)
+            shown = (encode_srgb(image, exposure).astype(np.float32) for image in (test, reference))
+            assert ssim(test, reference, exposure) == float(structural_similarity(
+                *shown, data_range=1.0, channel_axis=-1, gaussian_weights=True, sigma=1.5,
+                use_sample_covariance=False))
+
+    def test_follows_a_reference_that_is_changed_in_its_place(self, rng: np.random.Generator) -> None:
+        reference = rng.random((20, 20, 3))
+        test = reference.copy()
+        assert ssim(test, reference) == pytest.approx(1.0)
+        reference[5:15, 5:15] = 0.0
+        assert ssim(test, reference) < 0.9
+
     def test_image_smaller_than_the_window_is_refused(self) -> None:
         assert ssim(np.ones((11, 11, 3)), np.ones((11, 11, 3))) == pytest.approx(1.0)
         with pytest.raises(HarnessError, match="at least 11 x 11 pixels, found 20 x 10"):

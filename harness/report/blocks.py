@@ -313,7 +313,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Pixels):  # nothing for paper
         return None
     kind = {"kind": type(value).__name__} if isinstance(value, KINDS) else {}
-    return {**kind, **{name: getattr(value, name) for name in _fields(type(value))}}
+    return {**kind, **{name: getattr(value, name) for name in _fields(value.__class__)}}
 
 
 @cache
@@ -332,4 +332,4 @@ def _assets(value: Any) -> Iterator[Asset]:
         elif isinstance(value, tuple):
             waiting += reversed(value)
         elif not isinstance(value, str):
-            waiting += [getattr(value, name) for name in reversed(_fields(type(value)))]
+            waiting += [getattr(value, name) for name in reversed(_fields(value.__class__))]
