@@ -140,18 +140,21 @@ def _absent(scenes: Sequence[Scene], profile: Profile, family: int, store: Store
     from harness.course.memo import exhibits_folder, remembered_exhibits
     from harness.course.storage import WORDS_FILE
     from harness.report.chapters.features import sides_of
+    from harness.report.inputs import stems_of
     from harness.studies.ahead import Part
     from harness.studies.coupled import RECORDS_FILE, coupled_folder
     from harness.studies.features import IMAGES_FILE, features_folder
-    from harness.studies.memo import remembered_study, study_folder
+    from harness.studies.memo import study_folder
     from harness.studies.plan import exhibited
     from harness.studies.storage import STUDY_FILE
 
     def drawn(scene: Scene) -> float:
         return float(scene.width * scene.height * (len(exhibited(scene, profile)) + 1) * scene.max_depth)
 
-    parts = [Part(scene.name, drawn(scene), partial(remembered_study, scene, profile, family, store, warn=_warn))
-             for scene in scenes if not (study_folder(scene, profile, family) / STUDY_FILE).exists()]
+    stems = stems_of(scene.name for scene in scenes)
+    parts = [Part(scene.name, drawn(scene), partial(_chapter_ahead, scene, profile, family, store, stem, len(scenes)))
+             for scene, stem in zip(scenes, stems, strict=True)
+             if not (study_folder(scene, profile, family) / STUDY_FILE).exists()]
     parts += [Part(f"{scene.name} {COUPLED}", drawn(scene) / 10, partial(_coupled, scene))
               for scene in scenes if not (coupled_folder(scene) / RECORDS_FILE).exists()]
     parts += [Part(f"{scene.name} {FEATURES}", drawn(scene) / 100, partial(_features, scene, store)) for scene in scenes
@@ -160,6 +163,17 @@ def _absent(scenes: Sequence[Scene], profile: Profile, family: int, store: Store
         parts.append(Part(EXHIBITS, max((part.work for part in parts), default=1.0),
                           partial(remembered_exhibits, store, warn=_warn)))
     return parts
+
+
+def _chapter_ahead(scene: Scene, profile: Profile, family: int, store: Store | None, stem: str, scenes: int) -> None:
+    """The study of a scene, and the chapter on it: its maps and pictures take seconds, too."""
+    from harness.report.chapters.scenes import chapters_of
+    from harness.samples.spent import spent
+    from harness.studies.memo import remembered_study
+
+    result, _ = remembered_study(scene, profile, family, store, warn=_warn)
+    with spent("chapters"):
+        chapters_of(result, stem, scenes)
 
 
 def _open_all(paths: Sequence[Path]) -> list[Scene]:

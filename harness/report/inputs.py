@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -66,16 +66,26 @@ class Inputs:
     @cached_property
     def stems(self) -> tuple[str, ...]:
         """For each result its scene's name as names of files and links begin with it; all are different."""
-        stems: list[str] = []
-        for result in self.results:
-            stem = base = re.sub(r"[^a-z0-9]+", "-", result.scene.lower()).strip("-") or "scene"
-            number = 2
-            while stem in stems:
-                stem, number = f"{base}-{number}", number + 1
-            stems.append(stem)
-        return tuple(stems)
+        return stems_of(result.scene for result in self.results)
 
-    @cached_property
+    @property
     def anchors(self) -> tuple[str, ...]:
         """For each result the anchor of its scene's chapter, which no chapter on anything else can have."""
-        return tuple(f"scene-{stem}" for stem in self.stems)
+        return tuple(map(anchor_of, self.stems))
+
+
+def stems_of(scenes: Iterable[str]) -> tuple[str, ...]:
+    """For each scene's name, in the order of a report, how names of files and links begin."""
+    stems: list[str] = []
+    for scene in scenes:
+        stem = base = re.sub(r"[^a-z0-9]+", "-", scene.lower()).strip("-") or "scene"
+        number = 2
+        while stem in stems:
+            stem, number = f"{base}-{number}", number + 1
+        stems.append(stem)
+    return tuple(stems)
+
+
+def anchor_of(stem: str) -> str:
+    """The anchor of a scene's chapter."""
+    return f"scene-{stem}"

@@ -32,7 +32,8 @@ def remembered(folder: Path, last: str, *, load: Callable[[Path], Result], make:
     """The result that `folder` holds, or a new one, then kept there; and whether it was made now.
 
     `last`: the file that `save` writes last. One that `load` refuses with a StoreError is made again, of which `warn`
-    is told in one line that ends in `loss`.
+    is told in one line that ends in `loss`. What is new is read back, too, lest it differ in the last bits from what a
+    later process reads, and all that is remembered of it be made twice.
     """
     if (folder / last).exists():
         try:
@@ -43,12 +44,12 @@ def remembered(folder: Path, last: str, *, load: Callable[[Path], Result], make:
         except StoreError as error:
             warn(f"{error.args[0].partition(';')[0]}; {loss}")
     began = time.perf_counter()
-    result = make()
+    made = make()
     took = time.perf_counter() - began
-    save(result, folder)
+    save(made, folder)
     with suppress(StoreError), write_atomically(folder / SECONDS_FILE) as partial:
         partial.write_text(f"{took:.3f}\n", encoding="utf-8")
-    return result, True
+    return load(folder), True
 
 
 def seconds_to_make(folder: Path) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -29,7 +29,7 @@ from harness.report.blocks import (
 )
 from harness.report.figures import pictures
 from harness.report.figures.style import strategy_style
-from harness.report.inputs import Inputs
+from harness.report.inputs import Inputs, anchor_of
 from harness.report.pixels import Pixels, Tested, plane
 from harness.report.remembered import remembered_chapters
 from harness.report.tables import EXPECTED_SLOPE, accuracy_table, cost_table, is_exact
@@ -51,14 +51,18 @@ _FEW_SCENES = 3
 
 def chapters(inputs: Inputs) -> Iterator[Chapter]:
     """One chapter a scene."""
-    every = len(inputs.results) <= _FEW_SCENES
-    for result, stem, anchor in zip(inputs.results, inputs.stems, inputs.anchors, strict=True):
-        yield from remembered_chapters(partial(_chapters, result, stem, anchor, every), __name__, result, stem, anchor,
-                                       every)
+    for result, stem in zip(inputs.results, inputs.stems, strict=True):
+        yield from chapters_of(result, stem, len(inputs.results))
 
 
-def _chapters(result: StudyResult, stem: str, anchor: str, every: bool) -> Iterator[Chapter]:
-    yield scene_chapter(result, stem, anchor, every=every)
+def chapters_of(result: StudyResult, stem: str, scenes: int) -> Sequence[Chapter]:
+    """What a report on so many scenes says of one, as `scene_chapter`; read back where it was made before."""
+    every = scenes <= _FEW_SCENES
+    return remembered_chapters(partial(_chapters, result, stem, every), __name__, result, stem, every)
+
+
+def _chapters(result: StudyResult, stem: str, every: bool) -> Iterator[Chapter]:
+    yield scene_chapter(result, stem, anchor_of(stem), every=every)
 
 
 def scene_chapter(result: StudyResult, stem: str, anchor: str, *, every: bool = True) -> Chapter:
