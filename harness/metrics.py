@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harness.errors import HarnessError
-from harness.samples.estimate import Estimate, luminance
+from harness.samples.estimate import Estimate, luminance, pixel_mean
 from harness.samples.spent import spent
 from harness.samples.tone import encode_srgb
 from harness.stats.bias import error_scale
@@ -266,7 +266,7 @@ def _pair(test: ArrayLike, reference: ArrayLike) -> tuple[np.ndarray, np.ndarray
 
 
 def _image_means(image: np.ndarray) -> np.ndarray:
-    means = image.mean(axis=(0, 1))
+    means = pixel_mean(image)
     return np.append(means, luminance(means))
 
 

@@ -66,11 +66,13 @@ def report(
     from harness.gates.evidence import evidence
     from harness.mutants import autopsy, matrix
     from harness.report import Inputs, build_report
+    from harness.report.chapters.features import sides_of
     from harness.report.inputs import GATES_FOLDER
     from harness.samples.memo import seconds_to_make
     from harness.studies.ahead import make_ahead
     from harness.studies.causes import causes_file, load_causes
     from harness.studies.coupled import coupled_folder
+    from harness.studies.features import features_folder
     from harness.studies.memo import remembered_study, study_folder
     from harness.studies.oracle import load_oracle, oracle_file
     from harness.studies.plan import PROFILES, judged
@@ -100,7 +102,12 @@ def report(
                 coupled += found
                 oracle.append(seconds_to_make(coupled_folder(scene)))
             advance(1)
-    features = [image for scene in loaded for image in _features(scene, store)]
+    features: list[FeatureImage] = []
+    for scene in loaded:
+        if found_sides := _features(scene, store):
+            features += found_sides
+            seconds = seconds_to_make(features_folder(scene, sides_of(scene.name))) or 0.0
+            took[scene.name] = (took[scene.name] or 0.0) + seconds
     exhibits: Sequence[Exhibit] = ()
     if not scenes:
         from harness.course.memo import exhibits_folder, remembered_exhibits

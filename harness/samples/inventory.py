@@ -19,8 +19,9 @@ ABANDONED = 3600.0
 # What is made of batches and read back where it was made before, by its folder in the cache; each file, or folder of
 # files, in it is one that is made again where it went.
 MADE = {"studies": "studies of a report", "coupled": "coupled comparisons of a report",
-        "features": "features of a report", "exhibits": "the handout's errors", "figures": "figures of a report", "chapters": "chapters of a report",
-        "pages": "pages of a report", "meshes": "meshes of displaced shapes"}
+        "features": "features without and with, of a report", "exhibits": "the handout's errors",
+        "figures": "figures of a report", "chapters": "chapters of a report", "pages": "pages of a report",
+        "meshes": "meshes of displaced shapes"}
 # What a renderer's identity calls its way of drawing, in the order in which people say it.
 _WORDS = ("strategy", "integrator", "command", "sampler")
 

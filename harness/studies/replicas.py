@@ -15,7 +15,7 @@ from harness.policy import judge
 from harness.progress import Advance
 from harness.results import StrategyResult
 from harness.samples.cost import Cost
-from harness.samples.estimate import Accumulator, Batch, Estimate, with_luminance
+from harness.samples.estimate import Accumulator, Batch, Estimate, RunningMean, with_luminance
 from harness.samples.spent import spent
 from harness.samples.store import Store
 from harness.scene import Film, SceneFile
@@ -104,14 +104,15 @@ class Replicas:
             self.curves.append(points)
 
     def _add_stream(self, costs: _Costs, store: Store | None, advance: Advance, curve: bool) -> list[dict[str, float]]:
-        prefix = Accumulator()
+        prefix = RunningMean()
         points: list[dict[str, float]] = []
 
         def measured() -> Iterator[Batch]:  # batches pass through, so that no run is ever held whole
             for batch in batches(self.renderer, self.spp, replica=self.numbers(1)[0], store=store, advance=advance):
                 costs.add(batch.samples, batch.cost)
                 if curve:
-                    prefix.add(batch)
+                    with spent("statistics"):
+                        prefix.add(batch)
                 if curve and prefix.samples in self.prefixes:
                     points.append(self._metrics(prefix.mean))
                 yield batch

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from harness.samples.cost import Cost
-from harness.samples.estimate import Accumulator, Batch, Estimate, luminance, merge
+from harness.samples.estimate import Accumulator, Batch, Estimate, RunningMean, luminance, merge, pixel_mean
 
 UNEQUAL = (1, 1, 2, 4, 8, 16, 16, 5)
 
@@ -35,6 +35,22 @@ def test_merging_equals_the_mean_of_all_samples(rng: np.random.Generator) -> Non
     np.testing.assert_allclose(merged.image_mean[:3], everything.mean(axis=(0, 1, 2)), rtol=1e-12)
     np.testing.assert_allclose(merged.image_mean[3], luminance(everything).mean(), rtol=1e-12)
     assert (merged.samples, merged.batches, merged.rejected, merged.cost.seconds) == (53, 8, 8, 4.0)
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3), (7, 5, 4), (96, 130, 3)])
+def test_the_mean_over_pixels_is_numpys(rng: np.random.Generator, shape: tuple[int, ...]) -> None:
+    image = rng.gamma(0.5, 2.0, shape)
+    np.testing.assert_allclose(pixel_mean(image), image.mean((0, 1)), rtol=1e-13)
+
+
+def test_the_running_mean_is_that_of_the_accumulator_to_the_last_bit(rng: np.random.Generator) -> None:
+    whole, mean = Accumulator(), RunningMean()
+    for batch in random_batches(rng)[0]:
+        whole.add(batch)
+        before = mean.mean
+        mean.add(batch)
+        assert mean.mean.tobytes() == whole.mean.tobytes() and mean.samples == whole.samples
+        assert mean.mean is not before, "what was handed out does not change"
 
 
 def test_variance_is_that_of_batch_means_weighted_by_samples(rng: np.random.Generator) -> None:
