@@ -62,12 +62,13 @@ def report(
     Example: `harness report --profile quick`
     """
     from harness import bench, calibration
-    from harness.files import data_dir, require_writable
+    from harness.files import cache_dir, data_dir, require_writable
     from harness.gates.evidence import evidence
     from harness.mutants import autopsy, matrix
     from harness.report import Inputs, build_report
     from harness.report.chapters.features import sides_of
     from harness.report.inputs import GATES_FOLDER
+    from harness.samples.inventory import PAGES, UNUSED, prune_made
     from harness.samples.memo import seconds_to_make
     from harness.studies.ahead import make_ahead
     from harness.studies.causes import causes_file, load_causes
@@ -125,6 +126,7 @@ def report(
                     causes=_left(causes_file(), load_causes, None), gates=evidence(output / GATES_FOLDER, _warn),
                     pictures=() if scenes else _pictures(), features=features)
     pdf = build_report(inputs, output)
+    prune_made(cache_dir(), older=UNUSED, kinds=PAGES)
     items = {f"{result.scene} {item.strategy}": item
              for result in results for item in result.strategies if item.suits}
     verdicts = {name: item.outcome for name, item in items.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +22,9 @@ MADE = {"studies": "studies of a report", "coupled": "coupled comparisons of a r
         "features": "features without and with, of a report", "exhibits": "the handout's errors",
         "figures": "figures of a report", "chapters": "chapters of a report", "pages": "pages of a report",
         "meshes": "meshes of displaced shapes"}
+# Of these every change of the report's code leaves some behind that nobody asks for again; so many seconds later a
+# report removes them.
+PAGES, UNUSED = ("figures", "chapters", "pages"), 30 * 86400.0
 # What a renderer's identity calls its way of drawing, in the order in which people say it.
 _WORDS = ("strategy", "integrator", "command", "sampler")
 
@@ -67,10 +70,12 @@ def inventory_of_made(cache: Path) -> list[Series]:
     return found
 
 
-def prune_made(cache: Path, *, keep: int | None = None, older: float | None = None) -> int:
-    """Remove of what was made of batches all that was not used for `older` seconds, then what was unused for longest
-    until at most `keep` bytes are left; returns the bytes removed. It is made again when it is needed."""
-    items = sorted(item for kind in MADE for item in _made(cache, kind))
+def prune_made(cache: Path, *, keep: int | None = None, older: float | None = None,
+               kinds: Iterable[str] = tuple(MADE)) -> int:
+    """Remove of what was made of batches, or of some kinds of it, all that was not used for `older` seconds, then what
+    was unused for longest until at most `keep` bytes are left; returns the bytes removed. It is made again when it is
+    needed."""
+    items = sorted(item for kind in kinds for item in _made(cache, kind))
     left = sum(size for _, size, _ in items)
     removed, now = 0, time.time()
     for used, size, path in items:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -166,11 +167,12 @@ class TestMade:
         ({"keep": 80}, 20, ["figures/new", "studies/a"]),
         ({"keep": 79}, 90, ["figures/new"]),
         ({"keep": 0}, 100, []),
+        ({"older": 5 * DAY, "kinds": ("figures",)}, 20, ["figures/new", "studies/a"]),
     ])
     def test_goes_by_last_use_whole_folders_at_a_time_and_no_batch(
-        self, cache: Path, options: dict[str, float], removed: int, left: list[str],
+        self, cache: Path, options: dict[str, Any], removed: int, left: list[str],
     ) -> None:
-        assert prune_made(cache, **options) == removed  # type: ignore[arg-type]
+        assert prune_made(cache, **options) == removed
         assert sorted(str(path.relative_to(cache)) for kind in ("figures", "studies")
                       for path in (cache / kind).iterdir()) == left
         assert (cache / "batches/aa/b/0-0-1.exr").exists()
