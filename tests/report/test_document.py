@@ -19,10 +19,11 @@ import typst
 from harness.errors import HarnessError, StoreError
 from harness.files import data_dir
 from harness.metrics import shown_in
-from harness.report import Inputs, build_report, document
+from harness.report import Inputs, build_report, document, remembered
 from harness.report.blocks import Document
 from harness.report.chapters import scenes
 from harness.report.document import compose
+from harness.report.figures import convergence
 from harness.report.pages.embedded import POLICY
 from harness.report.pages.typst import typeset
 from harness.results import Benchmark, BenchRow, EntrantRow, StrategyResult, StudyResult
@@ -238,7 +239,8 @@ def test_every_field_of_a_result_reaches_the_report(study: StudyResult, monkeypa
                 if fingerprint(compose(Inputs([variant], "quick"))) == base]
 
     with monkeypatch.context() as words_only:  # figures take time, and most fields show in the words already
-        words_only.setattr(scenes, "curves_svg", lambda result: b"")
+        words_only.setattr(remembered, "remembered_bytes", lambda kind, key, make: make())
+        words_only.setattr(convergence, "curves_svg", lambda result: b"")
         words_only.setattr(scenes.pictures, "perceived_map", lambda test, *_: test[..., 0])
         left = unseen(list(variants(study)))
     assert 0 < len(left) < 6
