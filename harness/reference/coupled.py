@@ -200,11 +200,16 @@ class CoupledRenderer:
 
     def lanes(self, samples: int, top: int, bottom: int, first: int) -> Lanes:
         """All samples of the rows from `top` to before `bottom`, counted from the image's top; samples run fastest."""
+        mi = self.mi
+        import drjit as dr
+
+        # Counted by drjit, by numbers that are no part of the kernel: arrays of NumPy's begin at any multiple of 16
+        # bytes, and drjit compiles a kernel for each way in which three of them are aligned or not.
         width, height = self.reading.width, self.reading.height
-        y, x = np.mgrid[height - 1 - top:height - 1 - bottom:-1, 0:width].astype(np.uint32)
-        sample = np.arange(first, first + samples, dtype=np.uint32)
-        arrays = (np.repeat(x.ravel(), samples), np.repeat(y.ravel(), samples), np.tile(sample, x.size))
-        return Lanes(*(self.mi.UInt32(values) for values in arrays))
+        many, start, row = (dr.opaque(mi.UInt32, number) for number in (samples, first, height - 1 - top))
+        lane = dr.arange(mi.UInt32, (bottom - top) * width * samples)
+        pixel = lane // many
+        return Lanes(pixel % width, row - pixel // width, start + lane % many)
 
     def begin(self, lanes: Lanes, replica: int) -> Begun:
         """The camera's rays: the numbers of `trace_samples` in lib/path.glsl, in its order."""

@@ -105,6 +105,20 @@ def test_sees_an_albedo_that_is_one_ten_thousandth_too_high() -> None:
     assert pair("diffuse", "cosine", library=OURS.with_line(*line)).error == pytest.approx(6.6e-5, rel=0.2)
 
 
+def test_one_kernel_follows_all_paths_of_a_scene() -> None:
+    """Whatever replica, range and rows: to compile one takes as long as to follow a million paths."""
+    import drjit
+
+    with Coupled("cosine").open(SceneFile.bundled("diffuse", (25, 19))) as oracle, \
+            drjit.scoped_set_flag(drjit.JitFlag.KernelHistory, True):
+        drjit.kernel_history_clear()
+        for replica, (first, samples) in enumerate([(0, 1), (1, 1), (0, 3), (5, 16), (0, 16), (7, 33), (2, 80)]):
+            oracle.render_batch(replica, first, samples)
+        kernels = {kernel["hash"] for kernel in drjit.kernel_history() if kernel.get("operation_count", 0) > 200}
+        drjit.kernel_history_clear()
+    assert len(kernels) == 1
+
+
 def test_a_batch_is_the_mean_of_its_samples_however_they_are_divided(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replica and number of a sample fix it: not the batch, nor how many paths a kernel follows."""
     scene = SceneFile.bundled("spheres", (24, 18))
