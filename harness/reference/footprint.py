@@ -25,7 +25,7 @@ def render(mi: Any, scene: Any, integrator: Any, footprint: Footprint, seed: int
     sampler = sensor.sampler().clone()
     count = width * height * spp
     sampler.seed(seed, count)
-    pixel = dr.arange(mi.UInt32, count) // spp
+    pixel = dr.arange(mi.UInt32, count) // dr.opaque(mi.UInt32, spp)
     place = mi.Point2f(mi.Float(pixel % width), mi.Float(pixel // width)) + _within(sampler, footprint)
     time = sensor.shutter_open() + sampler.next_1d() * sensor.shutter_open_time()
     rays, weight = sensor.sample_ray_differential(time, sampler.next_1d(), place / mi.Point2f(width, height),
@@ -39,8 +39,12 @@ def render(mi: Any, scene: Any, integrator: Any, footprint: Footprint, seed: int
 
 def _within(sampler: Any, footprint: Footprint) -> Any:
     """Where a ray goes, from its pixel's upper left corner, in pixels."""
+    import drjit as dr
+
     spread = sampler.next_2d()
     if footprint.tent:
         spread = 0.5 * (spread + sampler.next_2d())
-    middle = (0.5 + footprint.right, 0.5 + footprint.down)
-    return footprint.width * (spread - 0.5) + type(spread)(*middle)
+    # No part of the kernel, which takes as long to compile as a small picture to draw: one does for all boxes.
+    width, *middle = (dr.opaque(type(spread.x), number)
+                      for number in (footprint.width, 0.5 + footprint.right, 0.5 + footprint.down))
+    return width * (spread - 0.5) + type(spread)(*middle)
