@@ -10,12 +10,20 @@ from pathlib import Path
 
 import pytest
 
+from harness.pytest_plugin import GateItem
+
 # Where Python may not write bytecode (containers often say so), each of hundreds of processes that tests start would
 # compile our modules anew, and every run rewrite all assertions: 15 s of CPU time a worker. `make clean` removes it.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 RunHarness = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Gates first. pytest-xdist gives each worker a part of the list, and whoever has done his takes from the end of
+    another's: where short tests stand there, no worker waits for another's gate."""
+    items.sort(key=lambda item: not isinstance(item, GateItem))
 
 
 @pytest.fixture(scope="session", autouse=True)

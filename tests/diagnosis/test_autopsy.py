@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,12 @@ from harness.shader.own_files import own_library
 from tests.diagnosis.conftest import SIZE
 
 CATALOGUE = load_catalogue()
-VARIANTS = {variant.id: as_own_files(variant) for variant in load_variants()}
+
+
+@functools.cache
+def variant(name: str) -> Library:
+    """A correct variant, as its author would bring it."""
+    return as_own_files(next(each for each in load_variants() if each.id == name))
 
 
 def examined(steps: CoupledSteps, strategy: str, library: Library, *, strict: bool = False) -> AutopsyRecord:
@@ -133,7 +139,7 @@ class TestStranger:
 
     @pytest.mark.parametrize("name", ["other-hash", "lobe-by-the-other-end"])
     def test_that_is_right_is_accused_of_nothing(self, spheres: CoupledSteps, name: str) -> None:
-        found = examined(spheres, "mixture", VARIANTS[name])
+        found = examined(spheres, "mixture", variant(name))
         assert found.stage is None
         assert len(found.notes) == 1
         assert (found.scatter is not None) == (name == "lobe-by-the-other-end")
@@ -141,12 +147,12 @@ class TestStranger:
     def test_is_accused_of_what_is_wrong_besides(self, spheres: CoupledSteps) -> None:
         """Its own numbers, and a sphere half a percent too large."""
         [seeded] = choose(CATALOGUE, ["sphere-half-percent-larger"])
-        found = examined(spheres, "mixture", mutated(seeded, VARIANTS["other-hash"]))
+        found = examined(spheres, "mixture", mutated(seeded, variant("other-hash")))
         assert found.stage in ("hit", "distance") and found.places[0].function == "hit_sphere"
 
     def test_draws_its_terms_by_the_numbers_that_it_took(self, spheres: CoupledSteps) -> None:
         """Whichever they are: a lobe that is chosen a tenth too seldom is named, with no statistics."""
-        library = VARIANTS["other-hash"].with_line("lib/phong.glsl", "bool glossy = rand() < m.p_glossy;",
+        library = variant("other-hash").with_line("lib/phong.glsl", "bool glossy = rand() < m.p_glossy;",
                                                    "bool glossy = rand() < 0.9 * m.p_glossy;")
         found = examined(spheres, "mixture", library)
         assert (found.stage, found.places[0].function, found.scatter) == ("lobe", "sample_phong", None)
@@ -154,18 +160,18 @@ class TestStranger:
     @pytest.mark.parametrize("name", ["other-hash", "numbers-in-another-order", "term-by-the-other-end"])
     def test_may_draw_a_lobe_that_is_as_wide_as_the_diffuse_term(self, ladder: CoupledSteps, name: str) -> None:
         """Of an exponent of 1 the direction does not tell the term, and the terms' weights differ."""
-        assert examined(ladder, "lobes", VARIANTS[name]).stage is None
+        assert examined(ladder, "lobes", variant(name)).stage is None
 
     @pytest.mark.parametrize(("grows", "stage"), [("4e-7", None), ("4e-6", "offset")])
     def test_may_lift_a_long_ray_by_what_its_end_is_known_to(self, plates: CoupledSteps, grows: str,
                                                              stage: str | None) -> None:
         """Plates that are seen from 400 units: a hundred-thousandth of that is more."""
-        library = exchanged(VARIANTS["offset-grows-with-t"], "lib/path.glsl", "(4e-7 * t)", f"({grows} * t)")
+        library = exchanged(variant("offset-grows-with-t"), "lib/path.glsl", "(4e-7 * t)", f"({grows} * t)")
         assert examined(plates, "lobes", library).stage == stage
 
     def test_sampler_is_tested_by_how_often_it_draws_which_direction(self, spheres: CoupledSteps) -> None:
         """A sampler of one's own whose lobe has the exponent 8 α: its weights are right, its directions are not."""
-        library = exchanged(VARIANTS["lobe-by-the-other-end"], "lib/sampling.glsl", "1.0 / (alpha + 1.0)",
+        library = exchanged(variant("lobe-by-the-other-end"), "lib/sampling.glsl", "1.0 / (alpha + 1.0)",
                             "1.0 / (8.0 * alpha + 1.0)")
         found = examined(spheres, "mixture", library)
         assert found.scatter is not None and found.scatter.fails
@@ -196,18 +202,18 @@ class TestStranger:
             return observe(tap, look, *rest)
 
         monkeypatch.setattr(Tap, "observe", counted)
-        assert examined(spheres, "mixture", VARIANTS["other-hash"]).stage is None
+        assert examined(spheres, "mixture", variant("other-hash")).stage is None
         assert observed.count(FIRST) == 1
 
     def test_held_to_ours_is_accused_at_once(self, spheres: CoupledSteps) -> None:
-        found = examined(spheres, "mixture", VARIANTS["other-hash"], strict=True)
+        found = examined(spheres, "mixture", variant("other-hash"), strict=True)
         assert found.stage == "seed" and not found.notes
 
     def test_is_none_who_exchanges_a_line(self, spheres: CoupledSteps) -> None:
         """Whoever changes a line means the rest to stay."""
         [seeded] = choose(CATALOGUE, ["lcg-output"])
         assert not own_parts(mutated(seeded), "mixture", spheres.scene)
-        assert own_parts(VARIANTS["other-hash"], "mixture", spheres.scene) == {"generator"}
+        assert own_parts(variant("other-hash"), "mixture", spheres.scene) == {"generator"}
 
 
 def test_a_library_that_does_not_compile_says_so_itself(spheres: CoupledSteps) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from harness.diagnosis.stranger import Judged, judge_stranger, reference, told
-from harness.estimators.shader import Shader
+from harness.estimators.shader import LIMITS, Shader
 from harness.samples.store import Store
 from harness.scene import SceneFile
 from harness.stats.verdicts import Tolerance
@@ -28,24 +29,31 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def judged(folder: Path, text: str, name: str = "shader.frag") -> Judged:
-    """The verdict, its reference kept for the others."""
+@pytest.fixture(scope="module")
+def process() -> Iterator[Process]:
+    """One child that draws one shader after the other."""
+    with Process(LIMITS) as process:
+        yield process
+
+
+def judged(folder: Path, text: str, name: str = "shader.frag", process: Process | None = None) -> Judged:
+    """The verdict, its reference kept for the others; by a child of its own where there is no `process`."""
     (folder / name).write_text(text, encoding="utf-8")
     return judge_stranger(Shader((folder / name,)), SceneFile(folder / "ball.xml"), store=Store(folder / "store"),
-                          frames=FRAMES, tolerance=TOLERANCE, spp=SPP)
+                          frames=FRAMES, tolerance=TOLERANCE, spp=SPP, process=process)
 
 
 @pytest.mark.parametrize(("text", "name"), [(body(), "right.frag"), (toy(), "right.glsl")])
-def test_right_shaders_are_not_accused(folder: Path, text: str, name: str) -> None:
-    result = judged(folder, text, name)
+def test_right_shaders_are_not_accused(folder: Path, process: Process, text: str, name: str) -> None:
+    result = judged(folder, text, name, process)
     assert result.outcome != "fail", told(result)
     assert abs(result.slope - 1) < 0.02
     assert result.integrator == "path"
 
 
 @pytest.mark.parametrize(("light", "sign"), [(BRIGHT, 1), (COSINE_TWICE, -1)])
-def test_wrong_weights_fail_with_their_sign(folder: Path, light: str, sign: int) -> None:
-    result = judged(folder, body(light))
+def test_wrong_weights_fail_with_their_sign(folder: Path, process: Process, light: str, sign: int) -> None:
+    result = judged(folder, body(light), process=process)
     assert result.outcome == "fail"
     assert sign * result.verdict.luminance[0] > 0
     assert result.transform == ""
@@ -75,16 +83,17 @@ def test_what_is_no_physics_is_told_apart(folder: Path, text: str, name: str, sa
 JITTER = "(pixel + vec2(rnd(), rnd()))"
 
 
-def test_rays_through_the_pixels_centre_are_told_apart(folder: Path) -> None:
-    result = judged(folder, body().replace(JITTER, "(pixel + 0.0 * vec2(rnd(), rnd()) + 0.5)"), "centre.frag")
+def test_rays_through_the_pixels_centre_are_told_apart(folder: Path, process: Process) -> None:
+    result = judged(folder, body().replace(JITTER, "(pixel + 0.0 * vec2(rnd(), rnd()) + 0.5)"), "centre.frag", process)
     assert result.outcome == "fail"
     assert result.transform == "the picture is right but for every ray through its pixel's centre (no antialiasing)"
     assert any(line.startswith("its edges are as of every ray through") for line in told(result))
 
 
-def test_half_a_pixel_does_not_hide_what_is_wrong_besides(folder: Path) -> None:
+def test_half_a_pixel_does_not_hide_what_is_wrong_besides(folder: Path, process: Process) -> None:
     """Both pictures that are compared for a cause have the shift, and differ by the cause alone."""
-    result = judged(folder, body(BRIGHT).replace(JITTER, "(pixel + 0.5 + vec2(rnd(), rnd()))"), "shifted.frag")
+    result = judged(folder, body(BRIGHT).replace(JITTER, "(pixel + 0.5 + vec2(rnd(), rnd()))"), "shifted.frag",
+                    process)
     assert result.outcome == "fail" and result.transform == ""
     assert result.view.spread is not None
     assert result.view.spread.defect.id == "half-pixel-up-right"
@@ -92,15 +101,16 @@ def test_half_a_pixel_does_not_hide_what_is_wrong_besides(folder: Path) -> None:
     assert np.abs(found.mean - result.reference.mean).max() > 0.2  # along edges
     assert np.abs(found.mean / truth.mean - 1).max() < 0.1
     again = judge_stranger(Shader((folder / "shifted.frag",)), SceneFile(folder / "ball.xml"),
-                           store=Store(folder / "store"), frames=FRAMES, tolerance=0.05, spp=SPP, view=result.view)
+                           store=Store(folder / "store"), frames=FRAMES, tolerance=0.05, spp=SPP, view=result.view,
+                           process=process)
     assert again.outcome != "fail", told(again)
 
 
-def test_what_holds_no_radiance_is_left_out(folder: Path) -> None:
+def test_what_holds_no_radiance_is_left_out(folder: Path, process: Process) -> None:
     corner = toy().replace("1.0 / float(iFrame + 1)), 1.0);",
                            "1.0 / float(iFrame + 1)), 1.0); if (coord.x < 1.0 && coord.y < 1.0) color = vec4(9.0);")
     assert corner != toy()
-    result = judged(folder, corner, "corner.glsl")
+    result = judged(folder, corner, "corner.glsl", process)
     assert result.outcome != "fail", told(result)
 
 
