@@ -64,3 +64,18 @@ def test_an_integrator_without_single_paths_is_refused(mi: Any) -> None:
     renderer = ReferenceRenderer(SceneFile.bundled("diffuse", (8, 8)), "ptracer", footprint=Footprint(0.0))
     with pytest.raises(HarnessError, match="no single paths"):
         renderer.render_batch(0, 0, 1)
+
+
+def test_one_kernel_draws_the_boxes_of_all_cameras(mi: Any) -> None:
+    """A stranger's picture is held against seven footprints; to compile a kernel takes longer than to draw them."""
+    import drjit
+
+    kernels = set()
+    scene = SceneFile.bundled("furnace_convex", (8, 8))
+    with drjit.scoped_set_flag(drjit.JitFlag.KernelHistory, True):
+        for footprint, samples in ((Footprint(1.0, right=0.5), 4), (Footprint(2.0), 4), (Footprint(0.5, down=0.25), 6)):
+            drjit.kernel_history_clear()
+            ReferenceRenderer(scene, footprint=footprint).render_batch(0, 0, samples)
+            kernels |= {each["hash"] for each in drjit.kernel_history() if each.get("operation_count", 0) > 200}
+        drjit.kernel_history_clear()
+    assert len(kernels) == 1
