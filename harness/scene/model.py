@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -212,7 +213,7 @@ class Scene:
                                "file and load it with harness.load_scene")
         return SceneFile(self.path, self.parameters, (self.width, self.height), self.depth_given)
 
-    @property
+    @cached_property  # asked for with every batch that is kept
     def content_hash(self) -> str:
         """16 hexadecimal digits that change exactly when the image may change (names do not count)."""
         content = dataclasses.asdict(self)
