@@ -66,7 +66,7 @@ def _chapters(results: Sequence[StudyResult], images: Sequence[FeatureImage]) ->
         parts = [tuple(rows[start:start + _ROWS]) for start in range(0, len(rows), _ROWS)]
         left_out = {feature["without"] for feature in _features() if "without" in feature}
         samples = sorted({image.samples for image in images if image.side in left_out})
-        figures: list[Block] = [Pictures(_caption(samples, continued=index > 0), part)
+        figures: list[Block] = [Pictures(_caption(samples, continued=index > 0), part, large=True)
                                 for index, part in enumerate(parts)]
         yield Chapter(TITLE, ANCHOR, (Paragraph(_words()), *figures))
 
@@ -124,7 +124,7 @@ def _row(feature: dict[str, Any], result: StudyResult, number: int,
     for test in tests:
         equal = sides.get(test.strategy)
         image, samples = (equal.image, equal.samples) if equal else (test.estimate.mean, test.estimate.samples)
-        seen.append((f"{test.strategy}, {formats.count(samples)} samples", image))
+        seen.append((f"{test.strategy}, {formats.count(samples)}{formats.NBSP}spp", image))
     shown = [_cropped(title, image, crop, result.exposure, f"feature-{number}-{index}.png")
              for index, (title, image) in enumerate(seen)]
     reference = pictures.display_png(crop.cut(result.reference.mean), result.exposure)
