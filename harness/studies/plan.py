@@ -23,7 +23,7 @@ REFERENCE_FACTOR = 4
 # Replicas that a study may add to those asked for, as a multiple of them, where its verdict needs them.
 MAX_REPLICA_FACTOR = 16
 # Samples that Mitsuba's reference may grow to, as a multiple of those asked for, where the verdicts need them.
-MAX_REFERENCE_FACTOR = 8
+MAX_REFERENCE_FACTOR = 16
 # The half-width of the error's interval that a study aims at, as a part of the tolerance: an unbiased strategy whose
 # standard error is a fifth of the tolerance leaves its interval inside with probability 0.997 a channel.
 PRECISION = 0.4
@@ -45,7 +45,7 @@ class Profile:
 
 
 PROFILES = {
-    "quick": Profile(spp=64, replicas=8, reference_spp=512),
+    "quick": Profile(spp=64, replicas=8, reference_spp=256),
     "full": Profile(spp=8192, replicas=12, reference_spp=65536, every_sampler=True),
 }
 

@@ -59,7 +59,7 @@ def study(scene: Scene | SceneFile, strategies: Sequence[str | Estimator] | None
     `samplers`: of the tracer by name; each strategy that is named is studied with each of them.
     `spp`: samples per pixel of each replica; where `replicas` are too few to decide, more are added, up to
     `max_replicas` (16 x replicas by default), without curves. `reference`: a ready one (closed form, file); otherwise
-    Mitsuba renders `reference_spp` samples, 4 x spp by default, and up to 8 times as many where its own noise would
+    Mitsuba renders `reference_spp` samples, 4 x spp by default, and up to 16 times as many where its own noise would
     keep the verdicts from deciding; in replicas whose samples its best sampler spreads evenly. `tolerance`: of the
     mean, tiles having theirs in proportion; those of `tolerance_for` where None. `family`: how many strategies share
     the rate of false alarms, those of this study where None. `error`: the RMSE, relative to the reference's mean

@@ -160,7 +160,8 @@ def test_a_reference_is_drawn_in_enough_batches(spp: int, length: int) -> None:
     assert reference_run(NoiseRenderer(), spp).spp == length
 
 
-@pytest.mark.parametrize(("spp", "length"), [(1, 1), (127, 1), (128, 4), (512, 16), (1024, 16), (2**20, 64)])
+@pytest.mark.parametrize(("spp", "length"), [
+    (1, 1), (127, 1), (128, 4), (255, 4), (256, 16), (512, 16), (1024, 16), (2**20, 64)])
 def test_or_in_square_ones(spp: int, length: int) -> None:
     assert reference_run(NoiseRenderer(), spp, square=True).spp == length
 
