@@ -213,7 +213,7 @@ class TestSlurm:
         from harness.work.executors.queue import Queue
 
         jobs = "7_0|RUNNING", "7_1|CANCELLED", "7_2|PENDING", "9|RUNNING"
-        programs = {"sacct": "exit 1", "sbatch": "exit 1",
+        programs = {"sacct": "exit 1", "sbatch": "exit 1", "srun": "exit 1",
                     "squeue": f"test -e broken && exit 1; printf '%s\\n' {' '.join(map(repr, jobs))}"}
         for name, body in programs.items():
             (tmp_path / name).write_text(f"#!/bin/sh\n{body}\n")
