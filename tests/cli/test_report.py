@@ -95,7 +95,7 @@ def test_from_a_scene_file_to_a_pdf_and_the_second_time_without_a_renderer(
         assert lines[-1] == f"{folder}/report.pdf"
         assert Path(folder, "report.pdf").read_bytes().startswith(b"%PDF-")
         page = Path(folder, "report.html").read_text(encoding="utf-8")
-        assert "Nothing but sky." in page and "One ray" in page and "uniform, 16 samples" in page
+        assert "Nothing but sky." in page and "One ray" in page and "uniform, 16\u00a0spp" in page
     pages = [json.loads(Path(folder, "report.json").read_text("utf-8"))["chapters"] for folder in ("out", "elsewhere")]
     beside, without = (chapter["blocks"][0]["rows"][0][0]["text"] for page in pages for chapter in page
                        if chapter["title"] == "Speed")

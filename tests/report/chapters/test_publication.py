@@ -141,9 +141,9 @@ def test_a_feature_stands_beside_the_scene_without_it_and_strategies_have_equal_
     first, second = [row for figure in blocks(chapter, Pictures) for row in figure.rows]
     mixture = next(one for one in study.strategies if one.strategy == "mixture")
     assert [picture.title for picture in first.pictures] == [
-        "spheres", "One ray", f"mixture, {mixture.estimate.samples} samples", "Reference", "Difference"]
+        "spheres", "One ray", f"mixture, {mixture.estimate.samples}\u00a0spp", "Reference", "Difference"]
     assert [picture.title for picture in second.pictures] == [
-        "spheres", "uniform, 2 samples", "mixture, 3 samples", "Reference"]
+        "spheres", "uniform, 2\u00a0spp", "mixture, 3\u00a0spp", "Reference"]
     figure = blocks(chapter, Pictures)[0]
     assert "Pictures without a feature are of 1 samples." in figure.caption
     files = [picture.file.name for row in (first, second) for picture in row.pictures]
