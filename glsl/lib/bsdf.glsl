@@ -8,7 +8,7 @@
 
 // A direction l, the weight f (n·l) / pdf of a path that goes on along it, and its density per steradian. Strategies divide
 // by their densities where that is cheapest (the cosine cancels, `lobes` has one for each term), so the weight stands by
-// itself; who does not read the density does not pay for it. For `lobes` it is that of the direction, not of the weight.
+// itself. The density is there where it weighs anything, LIGHTS being LIGHTS_MIS; elsewhere it is undefined.
 struct Scatter {
     vec3 l;
     vec3 weight;

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import time
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from json import dumps, loads
 from pathlib import Path
 
 import numpy as np
 
-from harness.errors import StoreError
 from harness.estimators.base import Renderer
 from harness.estimators.coupled import Coupled
 from harness.estimators.tracer import Tracer
-from harness.files import cache_dir, write_atomically
+from harness.files import cache_dir
 from harness.results import CoupledRecord
-from harness.samples import json
 from harness.samples.estimate import Accumulator, Batch, luminance, with_luminance
 from harness.samples.keys import code_digest, digest
 from harness.samples.memo import Warn, remembered
+from harness.samples.pictured import load_pictured, save_pictured
 from harness.scene import Scene, SceneFile, file_of
 from harness.scene.strategies import check_strategy
 from harness.stats.agreement import differing
@@ -136,20 +133,9 @@ def _compared(scene: str, strategy: str, test: Renderer, reference: Renderer, dr
 
 def save_coupled(records: Sequence[CoupledRecord], folder: str | Path) -> None:
     """Write records to `folder` (made if missing), maps as float32; StoreError where they cannot be written."""
-    maps = {f"left{number}": record.left.astype(np.float32) for number, record in enumerate(records)}
-    words = [{field.name: getattr(record, field.name) for field in dataclasses.fields(record) if field.name != "left"}
-             for record in records]
-    with write_atomically(Path(folder) / RECORDS_FILE) as partial, partial.open("wb") as file:
-        np.savez_compressed(file, words=np.array(dumps(json.plain(words))),
-                            **maps)  # type: ignore[arg-type]  # as numpy's stub has it, names are options
+    save_pictured(Path(folder) / RECORDS_FILE, records, "left")
 
 
 def load_coupled(folder: str | Path) -> tuple[CoupledRecord, ...]:
     """Read records back, maps rounded to float32; StoreError where the file is missing, damaged or something else."""
-    path = Path(folder) / RECORDS_FILE
-    try:
-        with np.load(path) as held:
-            return tuple(json.built(CoupledRecord, words, left=held[f"left{number}"])
-                         for number, words in enumerate(loads(str(held["words"]))))
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise StoreError(f"{path}: missing or damaged ({type(error).__name__}); remove it and measure again") from error
+    return load_pictured(Path(folder) / RECORDS_FILE, CoupledRecord, "left", "remove it and measure again")

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import zipfile
 from collections.abc import Sequence
-from json import dumps, loads
 from pathlib import Path
 
 import numpy as np
 
-from harness.errors import HarnessError, StoreError
+from harness.errors import HarnessError
 from harness.estimators.tracer import Tracer
-from harness.files import cache_dir, write_atomically
+from harness.files import cache_dir
 from harness.results import FeatureImage
-from harness.samples import json
 from harness.samples.keys import code_digest, digest
 from harness.samples.memo import Warn, remembered
+from harness.samples.pictured import load_pictured, save_pictured
 from harness.samples.store import Store
 from harness.scene import Scene, file_of
 from harness.scene.strategies import STRATEGIES, suitable_strategies
@@ -81,23 +79,13 @@ def estimator(scene: Scene, side: str) -> Tracer:
 
 def save_features(images: Sequence[FeatureImage], folder: str | Path) -> None:
     """Write pictures to `folder` (made if missing), as float32; StoreError where they cannot be written."""
-    arrays = {f"image{number}": each.image.astype(np.float32) for number, each in enumerate(images)}
-    words = [{field.name: getattr(each, field.name) for field in dataclasses.fields(each) if field.name != "image"}
-             for each in images]
-    with write_atomically(Path(folder) / IMAGES_FILE) as partial, partial.open("wb") as file:
-        np.savez_compressed(file, words=np.array(dumps(json.plain(words))),
-                            **arrays)  # type: ignore[arg-type]  # as numpy's stub has it, names are options
+    save_pictured(Path(folder) / IMAGES_FILE, images, "image")
 
 
 def load_features(folder: str | Path) -> tuple[FeatureImage, ...]:
     """Read pictures back, rounded to float32; StoreError where the file is missing, damaged or something else."""
-    path = Path(folder) / IMAGES_FILE
-    try:
-        with np.load(path) as held:
-            return tuple(json.built(FeatureImage, words, image=held[f"image{number}"].astype(np.float64))
-                         for number, words in enumerate(loads(str(held["words"]))))
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise StoreError(f"{path}: missing or damaged ({type(error).__name__}); remove it and draw again") from error
+    held = load_pictured(Path(folder) / IMAGES_FILE, FeatureImage, "image", "remove it and draw again")
+    return tuple(dataclasses.replace(each, image=each.image.astype(np.float64)) for each in held)
 
 
 def _centres() -> Library:
