@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import errno
 import json
 import logging
+import math
 import os
 import signal
 import subprocess
@@ -124,6 +126,13 @@ class TestKeeping:
         warm = store.get_or_render(KEY, 0, 0, 4, never)
         assert cold.mean.dtype == warm.mean.dtype == np.float32
         np.testing.assert_array_equal(cold.mean, warm.mean)
+
+    @pytest.mark.parametrize(("seconds", "squeezed"), [(1e-5, False), (0.25, True), (math.nan, True)])
+    def test_what_was_dear_to_draw_takes_less_room(self, store: Store, seconds: float, squeezed: bool) -> None:
+        """Compressing would take as long as drawing took, else."""
+        smooth = np.zeros((64, 64, 3), np.float32)
+        store.put(KEY, 0, 0, 1, Batch(smooth, 1, cost=dataclasses.replace(COST, cpu=seconds)))
+        assert (files(store)[0].stat().st_size < smooth.nbytes) is squeezed
 
     def test_batch_of_another_size_is_a_bug_of_the_renderer(self, store: Store) -> None:
         with pytest.raises(ValueError, match="expected a batch of 8 samples, found 4"):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.samples.store import Store
+from harness.samples.store import LEAD_IN, Store
 from harness.scene import SceneFile
 from harness.view import reference
 from harness.view.reference import stored_reference
@@ -56,7 +56,7 @@ def test_one_run_is_found(renderer: Known, tmp_path: Path, samples: int) -> None
     renderer.allowed = True
     render_estimate(renderer, samples, store=store)
     found = stored_reference(SCENE, store)
-    assert found is not None and found.samples == (8 if samples == 8 else 224)
+    assert found is not None and found.samples == (8 if samples == 8 else 256 - LEAD_IN)
 
 
 def test_replicas_are_found_and_the_longest_series_counts(renderer: Known, tmp_path: Path) -> None:

@@ -62,10 +62,10 @@ def test_a_short_run_keeps_all_and_a_long_one_reads_it(tmp_path: Path) -> None:
     assert [start for _, start, _ in longer.calls] == [64, 128]
 
 
-def test_a_long_run_keeps_three_images_in_nine_and_draws_an_eighth_again(tmp_path: Path) -> None:
+def test_a_long_run_keeps_three_images_in_eight_and_draws_an_eighth_again(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    render_estimate(NoiseRenderer(), 256, store=store)
-    assert sorted(path.stem for path in tmp_path.rglob("*.exr")) == ["0-128-128", "0-32-32", "0-64-64"]
+    render_estimate(NoiseRenderer(), 128, store=store)
+    assert sorted(path.stem for path in tmp_path.rglob("*.exr")) == ["0-16-16", "0-32-32", "0-64-64"]
 
 
 def test_a_long_run_of_what_does_not_repeat_itself_is_kept_whole(tmp_path: Path) -> None:
