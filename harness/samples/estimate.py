@@ -88,8 +88,8 @@ class Accumulator:
         self.batches = 0
         self.rejected = 0
         self._cost: Cost | None = None
-        self._mean = self._m2 = np.zeros(())  # (H, W, 4): red, green, blue, luminance
-        self._m3 = np.zeros(())  # (H, W, 3)
+        # Planes, which take half the time of pixels: (4, H, W), red, green, blue, luminance; the last without it.
+        self._mean = self._m2 = self._m3 = np.zeros(())
         self._image_m2 = np.zeros(4)
         self._image_m3 = np.zeros(4)
 
@@ -97,11 +97,13 @@ class Accumulator:
         """Merge one batch; ValueError when it holds no samples or its image size is not that of those before it."""
         if batch.samples < 1:
             raise ValueError(f"expected at least 1 sample, found {batch.samples}")
-        value = with_luminance(batch.mean)
+        value = np.empty((4, *batch.mean.shape[:2]))
+        value[:3] = np.moveaxis(batch.mean, -1, 0)
+        value[3] = luminance(batch.mean)
         if self.batches == 0:
             self._mean = np.zeros_like(value)
             self._m2 = np.zeros_like(value)
-            self._m3 = np.zeros_like(value[..., :3])
+            self._m3 = np.zeros_like(value[:3])
         elif value.shape != self._mean.shape:  # numpy would stretch an image one pixel high or wide
             raise ValueError(f"expected an image of shape {self.mean.shape}, found {batch.mean.shape}")
         self.samples += batch.samples
@@ -110,20 +112,20 @@ class Accumulator:
         self._cost = batch.cost if self._cost is None else self._cost + batch.cost
         before = value - self._mean
         held, share = self.samples - batch.samples, batch.samples / self.samples
-        image = pixel_mean(before)
+        image = before.mean((1, 2))
         self._image_m3 += image * share * (image**2 * held * (1 - 2 * share) - 3 * self._image_m2)
         # In few arrays: two thirds of the time of plain expressions, in the same order.
-        colours = before[..., :3].copy()  # also of one pixel, whose colours are in one piece already
+        colours = before[:3].copy()
         third = colours**2
         third *= held
         third *= 1 - 2 * share
-        third -= 3 * self._m2[..., :3]
+        third -= 3 * self._m2[:3]
         colours *= share
         third *= colours
         self._m3 += third
         self._mean += before * share
         value -= self._mean
-        self._image_m2 += batch.samples * image * pixel_mean(value)
+        self._image_m2 += batch.samples * image * value.mean((1, 2))
         before *= batch.samples
         before *= value
         self._m2 += before
@@ -131,21 +133,26 @@ class Accumulator:
     @property
     def mean(self) -> np.ndarray:
         """The mean so far, (H, W, 3) float64."""
-        return self._mean[..., :3].copy()
+        return _pixels(self._mean[:3])
 
     def estimate(self) -> Estimate:
         """The merged estimate of everything added so far; ValueError when nothing was."""
         if self.batches == 0:
             raise ValueError("no batch to estimate from")
         scale = 1.0 / ((self.batches - 1) * self.samples) if self.batches > 1 else np.nan
-        variance = self._m2 * scale
+        variance = _pixels(self._m2 * scale)
         third = image_third = None
         if self.batches > 2:
             cubes = 1.0 / (self.samples * (self.batches - 1) * (self.batches - 2))
-            third, image_third = self._m3 * cubes, self._image_m3 * cubes
-        return Estimate(self.mean, variance[..., :3], variance[..., 3], self._mean.mean((0, 1)),
+            third, image_third = _pixels(self._m3 * cubes), self._image_m3 * cubes
+        return Estimate(self.mean, variance[..., :3], variance[..., 3], self._mean.mean((1, 2)),
                         self._image_m2 * scale, self.samples, self.batches, self.rejected,
                         self._cost or Cost.unknown(), third, image_third)
+
+
+def _pixels(planes: np.ndarray) -> np.ndarray:
+    """(C, H, W) -> (H, W, C), in one piece."""
+    return np.ascontiguousarray(np.moveaxis(planes, 0, -1))
 
 
 class RunningMean:

@@ -23,11 +23,11 @@ from harness.samples.spent import spent
 
 # Samples per pixel of the longest batch; within what one Mitsuba pass can sum in float32 without visible rounding.
 LONGEST_BATCH = 128
-# A run of `LEAD_FACTOR` times as many samples or more does not keep the batches within its first `LEAD_IN`: five of the
-# eight images of a run of 128, and an eighth of its work. To write one takes 7 ms, to draw one sample per pixel of a
+# A run of `LEAD_FACTOR` times as many samples or more does not keep the batches within its first `LEAD_IN`: four of the
+# seven images of a run of 64, and an eighth of its work. To write one takes 7 ms, to draw one sample per pixel of a
 # small film 1 ms. Samples are numbered, so what is drawn again is the same; of renderers that do not repeat themselves
 # bit for bit (see `Traits.repeats`) all are kept.
-LEAD_IN, LEAD_FACTOR = 16, 8
+LEAD_IN, LEAD_FACTOR = 8, 8
 # Seconds per pixel that a batch took beyond which it is compressed: that costs 0.11 µs a pixel, and saves a third of the
 # room.
 COMPACT_FROM = 2.5e-6

@@ -84,24 +84,24 @@ def test_an_interrupted_picture_goes_on_where_it_was(scene: Scene, store: Store,
 def test_whoever_drew_its_samples_it_is_the_same(scene: Scene, store: Store, tmp_path: Path) -> None:
     """In processes, as on a cluster, and partly here before."""
     here = render_picture(scene, SPP, tmp_path / "here", store=Store(tmp_path / "another"))
-    render_picture(scene, 64, tmp_path / "there", store=store)
+    render_picture(scene, 32, tmp_path / "there", store=store)
     told: list[float] = []
     with executor("processes", 2) as workers:
         there = render_picture(scene, SPP, tmp_path / "there", store=store, executor=workers,
                                progress=lambda total, words: nullcontext(told.append))
     np.testing.assert_array_equal(pixels(there), pixels(here))
     assert sum(told) == SPP
-    assert (there.samples, there.resumed) == (SPP, 64)
+    assert (there.samples, there.resumed) == (SPP, 32)
 
 
 def test_a_longer_one_goes_on_from_a_shorter_one(scene: Scene, store: Store, tmp_path: Path) -> None:
     """And the shorter state stays to be seen until there is more."""
-    short = render_picture(scene, 64, tmp_path, store=store)
+    short = render_picture(scene, 32, tmp_path, store=store)
     before = short.exr.read_bytes()
     with pytest.raises(KeyboardInterrupt):
         render_picture(scene, SPP, tmp_path, store=store, progress=lambda total, words: interrupted_after(64))
     assert short.exr.read_bytes() == before
-    assert render_picture(scene, SPP, tmp_path, store=store).resumed == 64
+    assert render_picture(scene, SPP, tmp_path, store=store).resumed == 32
 
 
 def test_a_finished_picture_stays_as_it_is(scene: Scene, store: Store, tmp_path: Path) -> None:

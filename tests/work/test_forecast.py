@@ -70,7 +70,7 @@ def test_the_pilot_is_a_beginning_of_the_run(tmp_path: Path) -> None:
     """It need not be drawn twice, but for what no long run keeps."""
     told(tmp_path, lambda start, count: count)
     store, identity = Store(tmp_path), NoiseRenderer().identity
-    assert [start for start, count in schedule(PILOT) if store.has(identity, 0, start, count)] == [16, 32]
+    assert [start for start, count in schedule(PILOT) if store.has(identity, 0, start, count)] == [8, 16, 32]
 
 
 @pytest.mark.parametrize(("each", "samples"), [(PILOT_SECONDS / 300, 384), (PILOT_SECONDS / 1e6, LONGEST_PILOT)])

@@ -53,19 +53,19 @@ def test_a_run_from_the_store_equals_the_run_that_filled_it(tmp_path: Path) -> N
 
 def test_a_short_run_keeps_all_and_a_long_one_reads_it(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    cold = render_estimate(NoiseRenderer(), 64, store=store)
+    cold = render_estimate(NoiseRenderer(), 32, store=store)
     again, longer = NoiseRenderer(), NoiseRenderer()
-    warm = render_estimate(again, 64, store=store)
+    warm = render_estimate(again, 32, store=store)
     assert not again.calls
     np.testing.assert_array_equal(warm.mean, cold.mean)
     render_estimate(longer, 256, store=store)
-    assert [start for _, start, _ in longer.calls] == [64, 128]
+    assert [start for _, start, _ in longer.calls] == [32, 64, 128]
 
 
-def test_a_long_run_keeps_three_images_in_eight_and_draws_an_eighth_again(tmp_path: Path) -> None:
+def test_a_long_run_keeps_three_images_in_seven_and_draws_an_eighth_again(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    render_estimate(NoiseRenderer(), 128, store=store)
-    assert sorted(path.stem for path in tmp_path.rglob("*.exr")) == ["0-16-16", "0-32-32", "0-64-64"]
+    render_estimate(NoiseRenderer(), 64, store=store)
+    assert sorted(path.stem for path in tmp_path.rglob("*.exr")) == ["0-16-16", "0-32-32", "0-8-8"]
 
 
 def test_a_long_run_of_what_does_not_repeat_itself_is_kept_whole(tmp_path: Path) -> None:
@@ -88,9 +88,9 @@ def test_an_interrupted_run_continues_where_it_was(tmp_path: Path) -> None:
 
     store = Store(tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        render_estimate(Interrupted(), 64, store=store)
+        render_estimate(Interrupted(), 63, store=store)
     rest = NoiseRenderer()
-    render_estimate(rest, 64, store=store)
+    render_estimate(rest, 63, store=store)
     assert [start for _, start, _ in rest.calls] == [8, 16, 32]
 
 

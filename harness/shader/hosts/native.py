@@ -25,6 +25,8 @@ class Native:
     def sums(self, pixels: np.ndarray, samples: int) -> tuple[np.ndarray, np.ndarray]:
         """What alpha says is believed where it can be a number of samples; a shader under test may write anything."""
         alpha = pixels[..., 3]
+        if (alpha == samples).all() and np.isfinite(pixels).all():  # as of nearly every shader, in a tenth of the time
+            return pixels[..., :3], pixels[..., 3:]
         believed = np.isfinite(pixels).all(axis=-1) & (alpha >= 0) & (alpha <= samples) & (alpha == np.rint(alpha))
         kept = np.where(believed[..., None], pixels, 0.0)
         return kept[..., :3], kept[..., 3:]
