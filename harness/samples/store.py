@@ -28,8 +28,8 @@ LONGEST_BATCH = 128
 # small film 1 ms. Samples are numbered, so what is drawn again is the same; of renderers that do not repeat themselves
 # bit for bit (see `Traits.repeats`) all are kept.
 LEAD_IN, LEAD_FACTOR = 8, 8
-# Seconds per pixel that a batch took beyond which it is compressed: that costs 0.11 µs a pixel, and saves a third of the
-# room.
+# Seconds per pixel that a batch took beyond which it is compressed: that costs 0.11 µs a pixel, and saves a third of
+# the room.
 COMPACT_FROM = 2.5e-6
 # Bytes on disk beyond which the batches unused for longest are removed.
 DEFAULT_LIMIT = 8 * 2**30
