@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,6 +33,9 @@ from harness.stats.verdicts import bias_verdict
 # most defects, and a reference of so many for each of them is far less noisy. One sample would not show what it leaves
 # behind for the next.
 GLANCE_SPP, GLANCE_REFERENCE_SPP = 2, 8
+# Gates that kill a mutant before the others are spared their glance, each of which compiles another shader: one, and
+# what a reader wants to know of how surely. A mutant that fewer kill has been shown to all.
+ENOUGH = 4
 
 # pytest's status where the tests ran and one failed, and where all passed.
 TESTS_FAILED, TESTS_PASSED = 1, 0
@@ -56,10 +60,12 @@ class Judge:
     """The gates of one process, and what they share between mutants: references, what the right shader draws.
 
     `modules`: test modules by name, which are gates as well. `marks`: a folder in which processes tell each other which
-    gates pass with the right shader.
+    gates pass with the right shader. `full`: every gate glances at every mutant, not until `ENOUGH` have killed it.
     """
 
-    def __init__(self, gates: Sequence[Gate], modules: Mapping[str, Path], store: Path | None, marks: Path) -> None:
+    def __init__(self, gates: Sequence[Gate], modules: Mapping[str, Path], store: Path | None, marks: Path, *,
+                 full: bool = False) -> None:
+        self._full = full
         self._gates = {gate.name: gate for gate in gates}
         self._modules = modules
         self._references = References(Store(store) if store else None)
@@ -78,24 +84,26 @@ class Judge:
         return f"{name}: fails with the shader as it is; mend that first" if failed else ""
 
     def judge(self, mutant: Mutant) -> dict[str, State]:
-        """What every gate says of the shader with the mutant in it.
+        """What gates say of the shader with the mutant in it; those that are not asked are left out.
 
-        Every image gate glances. The one that should kill the mutant then takes all its looks, if a glance is not
-        enough, and so do the others while none has killed it. A test module runs where the mutant names it.
-        HarnessError where the mutant does not apply or compile, and where a gate does not pass with the shader as it
-        is.
+        The one that should kill the mutant comes first: a test module runs, an image gate glances. Then image gates
+        glance until enough have killed it, or all have. If a glance is not enough, the one that should kill it takes
+        all its looks, and so do the others while none has. HarnessError where the mutant does not apply or compile, and
+        where a gate does not pass with the shader as it is.
         """
         library = mutated(mutant)
-        prepared = [self._prepare(gate) for gate in self._gates.values()]
         states: dict[str, State] = {}
         try:
             _require_compilable(mutant, library)
-            states |= {each.gate.name: _first_sight(each, mutant) for each in prepared}
+            if mutant.killer in self._modules:
+                states[mutant.killer] = self._run_module(mutant.killer, library)
+            for gate in self._in_turn(mutant):
+                if not self._full and list(states.values()).count("killed") >= ENOUGH:
+                    break
+                states[gate.name] = _first_sight(self._prepare(gate), mutant)
         except ShaderError as error:
             raise HarnessError(f"{mutant.where}: mutant '{mutant.id}' does not compile: {error}") from None
-        if mutant.killer in self._modules:
-            states[mutant.killer] = self._run_module(mutant.killer, library)
-        touched = [gate for name, gate in self._gates.items() if states[name] == "survived"]
+        touched = [gate for name, gate in self._gates.items() if states.get(name) == "survived"]
         for gate in sorted(touched, key=lambda gate: gate.name != mutant.killer):
             if gate.name != mutant.killer and "killed" in states.values():
                 break
@@ -103,6 +111,13 @@ class Judge:
             infected = replace(gate, test=_infected(self._prepared[gate.name], mutant))
             states[gate.name] = "survived" if self._passes(infected) else "killed"
         return states
+
+    def _in_turn(self, mutant: Mutant) -> list[Gate]:
+        """The image gates, the one that should kill it first, the others from one on that differs between mutants: each
+        gate is then asked of about as many."""
+        gates = list(self._gates.values())
+        first = zlib.crc32(mutant.id.encode()) % len(gates)
+        return sorted(gates[first:] + gates[:first], key=lambda gate: gate.name != mutant.killer)
 
     def _prepare(self, gate: Gate) -> _Prepared:
         """The gate, prepared once a process, with the shader as it is. HarnessError for one that judges no tracer."""

@@ -12,7 +12,8 @@ from harness.results import KillRecord, MutantRecord
 from harness.samples import json
 
 # What a gate says of a mutant. killed: it does not pass; untouched: the shader's text, or the pixels of a first batch,
-# are the same, so the gate's scene has no use for the defect; not run: a test module that is not meant for the mutant.
+# are the same, so the gate's scene has no use for the defect; not run: a test module that is not meant for the mutant,
+# or an image gate that was not needed, as enough others had killed it.
 State = Literal["killed", "survived", "untouched", "not run"]
 
 

@@ -33,19 +33,23 @@ class Memory:
                         "scenes": {gate.name: gate.scene.hash for gate in gates}, "code": code_digest(JUDGE),
                         "tests": [folder_digest(folder, ".py", ".toml") for folder in tests]}
 
-    def recall(self, mutant: Mutant) -> States | None:
-        """What was kept of it; None where there is nothing, or nothing that can be read."""
-        with suppress(StoreError):
-            return json.load(self._path(mutant), _states, what="what gates said of a mutant", mend="it is judged again")
+    def recall(self, mutant: Mutant, *, full: bool = False) -> States | None:
+        """What was kept of it; None where there is nothing, or nothing that can be read. What all gates were asked
+        (`full`) answers also where fewer need be."""
+        for each in (True, False)[:1 if full else 2]:
+            with suppress(StoreError):
+                return json.load(self._path(mutant, full=each), _states, what="what gates said of a mutant",
+                                 mend="it is judged again")
         return None
 
-    def keep(self, mutant: Mutant, states: Mapping[str, State]) -> None:
+    def keep(self, mutant: Mutant, states: Mapping[str, State], *, full: bool = False) -> None:
         """A cache that cannot be written costs only time."""
         with suppress(StoreError):
-            json.save(self._path(mutant), states)
+            json.save(self._path(mutant, full=full), states)
 
-    def _path(self, mutant: Mutant) -> Path:
-        key = {**self._common, "mutant": mutated(mutant).digest, "file": mutant.file, "killer": mutant.killer}
+    def _path(self, mutant: Mutant, *, full: bool) -> Path:
+        key = {**self._common, "mutant": mutated(mutant).digest, "file": mutant.file, "killer": mutant.killer,
+               "id": mutant.id, "full": full}
         return self._folder / f"{digest(key, 24)}.json"
 
 

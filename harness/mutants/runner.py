@@ -47,10 +47,11 @@ class Gates:
         return cls(file, modules, names, tuple(tests / name for name in (*MODULE_FOLDERS, SUPPORT_FOLDER)))
 
 
-def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
+def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1, full: bool = False,
                 store: Path | None = None, progress: Progress = quiet) -> KillMatrix:
-    """Run every gate on every mutant, in `jobs` processes; `store` keeps the references between runs, and where there
-    is one, so is what was said of each mutant, as soon as it is judged: an interrupted run goes on where it was.
+    """Run gates on every mutant until enough of them have killed it, or all of them (`full`), in `jobs` processes;
+    `store` keeps the references between runs, and where there is one, so is what was said of each mutant, as soon as it
+    is judged: an interrupted run goes on where it was.
 
     What is run of each gate: `judge.Judge.judge`. HarnessError when a mutant does not apply, does not compile or names
     a gate that does not exist, and when, with the shader as it is, a test module fails, a gate fails at a glance, or
@@ -64,13 +65,13 @@ def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
         mutated(mutant)  # one that does not apply shows before the first is judged
     image_gates = _image_gates(gates.file)
     memory = Memory(image_gates, gates.file, gates.folders) if store else None
-    known = {mutant.id: states for mutant in mutants if memory and (states := memory.recall(mutant))}
+    known = {mutant.id: states for mutant in mutants if memory and (states := memory.recall(mutant, full=full))}
     left = [mutant for mutant in mutants if mutant.id not in known]
     stems = [module.stem for module in gates.modules]
     needed = sorted({mutant.killer for mutant in left if mutant.killer in stems})
     checks = [*_by_scene(image_gates), *([module] for module in needed)] if left else []
     with (tempfile.TemporaryDirectory(prefix="mutants-") as folder, progress(len(checks) + len(left), "mutants")
-          as advance, executor("processes", jobs, partial(_start, gates, store, Path(folder))) as pool):
+          as advance, executor("processes", jobs, partial(_start, gates, store, Path(folder), full)) as pool):
         for problem in pool.map(_check, checks):
             if problem:
                 raise HarnessError(problem)
@@ -78,7 +79,7 @@ def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1,
         for mutant, states in zip(left, pool.map(_judge, left), strict=True):
             known[mutant.id] = states
             if memory:
-                memory.keep(mutant, states)
+                memory.keep(mutant, states, full=full)
             advance(1)
     rows = [tuple(known[mutant.id].get(name, "not run") for name in gates.names) for mutant in mutants]
     return KillMatrix(tuple(mutants), gates.names, tuple(rows))
@@ -101,12 +102,12 @@ def _by_scene(gates: Iterable[Gate]) -> list[list[str]]:
 _here: Judge | None = None
 
 
-def _start(gates: Gates, store: Path | None, folder: Path) -> None:
+def _start(gates: Gates, store: Path | None, folder: Path, full: bool) -> None:
     global _here
     # Mutants are compiled far more often than they are drawn. Mesa's llvmpipe compiles twice as fast without LLVM's
     # optimisations, to the same bits, and draws 2 to 18 % slower, ray marching 80 %. It reads these when GL starts.
     os.environ.setdefault("GALLIVM_PERF", "nopt")
-    _here = Judge(_image_gates(gates.file), {module.stem: module for module in gates.modules}, store, folder)
+    _here = Judge(_image_gates(gates.file), {module.stem: module for module in gates.modules}, store, folder, full=full)
 
 
 def _check(names: Sequence[str]) -> str:

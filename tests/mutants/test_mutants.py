@@ -14,6 +14,7 @@ from harness.gpu.context import Program
 from harness.mutants import runner
 from harness.mutants.autopsy import score
 from harness.mutants.catalogue import Mutant, choose, load_catalogue, mutated
+from harness.mutants.judge import ENOUGH
 from harness.mutants.matrix import KillMatrix, as_json
 from harness.mutants.memory import Memory
 from harness.mutants.runner import MODULE_FOLDERS, Gates, run_mutants
@@ -176,6 +177,22 @@ class TestRun:
         assert [mutant.id for mutant in matrix.survivors] == ["half the tolerance", "y", "z"]
         assert matrix.idle == matrix.missed == ()
         assert list(as_json(matrix)["survivors"]) == ["half the tolerance", "y", "z"]
+
+    def test_gates_are_asked_until_enough_have_killed_it(self, tmp_path: Path) -> None:
+        """Which, differs between mutants, but the one that is expected to is always among them."""
+        names = [f"gate-{number}" for number in range(ENOUGH + 3)]
+        (tmp_path / "many.toml").write_text("".join(GATES.replace('"convex"', f'"{name}"') for name in names), "utf-8")
+        many = Gates.of(tmp_path / "many.toml", TESTS)
+        kills: dict[str, set[str]] = {}
+        for full in (False, True):
+            found = run_mutants([seeded(id=each, killer="gate-5") for each in ("a", "c")], many, full=full,
+                                store=tmp_path)
+            for mutant, row in zip(found.mutants, found.cells, strict=True):
+                kills[f"{mutant.id}{full}"] = {gate for gate, state in zip(many.names, row, strict=True)
+                                               if state == "killed"}
+        assert kills["aTrue"] == kills["cTrue"] == set(names)
+        assert {len(kills["aFalse"]), len(kills["cFalse"])} == {ENOUGH}
+        assert "gate-5" in kills["aFalse"] & kills["cFalse"] and kills["aFalse"] != kills["cFalse"]
 
     def test_a_mutant_that_does_not_compile_is_an_error(self, gates: Gates) -> None:
         with pytest.raises(HarnessError, match=r"here\.toml:1: mutant 'x' does not compile: lib/path\.glsl:\d+: "):
