@@ -36,13 +36,13 @@ def mutants(
     autopsy: Annotated[bool, typer.Option("--autopsy", help="Ask `harness autopsy` instead of the gates: does it name "
                                           "each bug's function, and accuse no correct shader?")] = False,
     full: Annotated[bool, typer.Option("--full", help="Ask every gate about every mutant, not only until four have "
-                                       "killed it.")] = False,
+                                       "killed it, or one of twelve.")] = False,
     cache: CacheOption = True,
     json: JsonOption = False,
 ) -> int:
     """Seed one-line bugs into the shader and show which gates notice them.
 
-    Prints the kill matrix: X killed, o survived, · the gate's pixels do not change, blank not run, as four others had
+    Prints the kill matrix: X killed, o survived, · the gate's pixels do not change, blank not run, as others had
     killed it. Exit status 1 when a mutant survives all gates; 2 when one does not apply or does not compile. What was
     judged is kept, so that an interrupted run goes on where it was. With --autopsy: what each autopsy names, kept
     beside the matrix; exit status 1 when it names the right function of fewer than 95 % of those that a bundled

@@ -49,7 +49,7 @@ class Gates:
 
 def run_mutants(mutants: Sequence[Mutant], gates: Gates, *, jobs: int = 1, full: bool = False,
                 store: Path | None = None, progress: Progress = quiet) -> KillMatrix:
-    """Run gates on every mutant until enough of them have killed it, or all of them (`full`), in `jobs` processes;
+    """Run gates on every mutant until it is known well enough, or all of them (`full`), in `jobs` processes;
     `store` keeps the references between runs, and where there is one, so is what was said of each mutant, as soon as it
     is judged: an interrupted run goes on where it was.
 

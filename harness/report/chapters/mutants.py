@@ -29,9 +29,9 @@ def _introduction(record: KillRecord) -> str:
         "handout, in a bug report of a public renderer, or made small on purpose, to measure how small a defect "
         "may be. Each was put into the shader by itself, and the gates were run. A gate that passes tells little; "
         "that it fails when it should, is what this chapter shows. Image gates compare renders with the reference: "
-        "at a glance, with few samples, first the one that should notice the defect, then others until enough "
-        "have noticed it to show how plain it is; the first, and all if none has noticed it yet, with as much as it "
-        "takes. What fewer gates noticed has been shown to all. Test modules evaluate one part of the shader library.")
+        "at a glance, with few samples, first the one that should notice the defect, then others until it is "
+        "plain how many would; the first, and all if none has noticed it yet, with as much as it takes. Test modules "
+        "evaluate one part of the shader library.")
 
 
 def _remarks(record: KillRecord) -> tuple[Remark, ...]:
@@ -62,7 +62,8 @@ def _gates(record: KillRecord) -> Table:
                      Cell(formats.count(alone) if alone else formats.MISSING)))
     caption = ("What each gate makes of the mutants that it was shown. Survived: it saw other pixels and did not "
                "object, which many gates need not do, for a small defect is left to the gate that is meant for it. "
-               "Untouched: the defect lies in code that the gate's scene does not use. Alone: killed by no other gate.")
+               "Untouched: the defect lies in code that the gate's scene does not use. Alone: killed by no other gate "
+               "that was asked.")
     columns = (Column("Gate", share=1), Column("Killed", "right"), Column("Survived", "right"),
                Column("Untouched", "right"), Column("Alone", "right"))
     return Table(caption, columns, tuple(rows), long=True)
