@@ -108,7 +108,8 @@ class Replicas:
         points: list[dict[str, float]] = []
 
         def measured() -> Iterator[Batch]:  # batches pass through, so that no run is ever held whole
-            for batch in batches(self.renderer, self.spp, replica=self.numbers(1)[0], store=store, advance=advance):
+            for batch in batches(self.renderer, self.spp, replica=self.numbers(1)[0], store=store, advance=advance,
+                                 prefixes=curve):
                 costs.add(batch.samples, batch.cost)
                 if curve:
                     with spent("statistics"):

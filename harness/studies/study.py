@@ -211,8 +211,8 @@ class _Drawing:
 
             # Whole runs are drawn here: a program runs as it likes, and images are there.
             if self.executor and self.store and not run.whole_runs:
-                draw(tasks_of(estimator, file, more, run.spp), self.executor, self.store, advance,
-                     identity=run.renderer.identity)
+                tasks = tasks_of(estimator, file, more, run.spp, prefixes=curves, repeats=run.renderer.traits.repeats)
+                draw(tasks, self.executor, self.store, advance, identity=run.renderer.identity)
                 advance = _ignore  # what follows reads back
             for _ in more:
                 run.add_replica(self.store, advance, curve=curves)

@@ -11,18 +11,19 @@ from harness.estimators.base import Renderer, scene_name
 from harness.progress import Advance
 from harness.samples.cost import total as total_cost
 from harness.samples.estimate import Accumulator, Batch, Estimate
-from harness.samples.store import Store, is_kept, schedule
+from harness.samples.store import Store, portions, schedule
 
 # Equal batches that a run is cut into at the least, for its variance; see `equal_batches`.
 MIN_EQUAL_BATCHES = 8
 
 
 def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store | None = None,
-            advance: Advance = lambda n: None) -> Generator[Batch]:
+            advance: Advance = lambda n: None, prefixes: bool = True) -> Generator[Batch]:
     """The first `samples` samples per pixel of one replica, batch by batch in the store's fixed schedule.
 
-    What the store already holds is read, the rest rendered and kept, but for the first samples of a long run (see
-    `is_kept`) where they are the same when they are drawn again. HarnessError for fewer than one sample.
+    What the store already holds is read, the rest rendered and kept, but for the first samples of a long run where
+    they are the same when they are drawn again (`samples.store.portions`; `prefixes` as there). HarnessError for fewer
+    than one sample.
     """
     if samples < 1:
         raise HarnessError(f"samples per pixel must be at least 1, found {samples}")
@@ -34,11 +35,10 @@ def batches(renderer: Renderer, samples: int, *, replica: int = 0, store: Store 
         told += n
         advance(n)
 
-    for start, count in schedule(samples):
+    for start, count, keep in portions(samples, prefixes=prefixes, repeats=renderer.traits.repeats):
         def render(start: int = start, count: int = count) -> Batch:
             return renderer.render_batch(replica, start, count, tell)
 
-        keep = is_kept(start, count, samples) or not renderer.traits.repeats
         yield store.get_or_render(identity, replica, start, count, render, keep=keep,
                                   scene=scene_name(renderer)) if store else render()
         if start + count > told:  # it was read, or drawn by a renderer that tells nothing

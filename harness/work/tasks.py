@@ -14,7 +14,7 @@ from harness.estimators.base import Estimator, scene_name
 from harness.estimators.held import OneAtATime
 from harness.progress import Advance
 from harness.samples.estimate import Batch
-from harness.samples.store import Store, is_kept, schedule
+from harness.samples.store import Store, portions
 from harness.scene import SceneFile
 from harness.work.executors import Executor
 
@@ -23,7 +23,7 @@ from harness.work.executors import Executor
 class Task:
     """One batch: samples start … start+count-1 per pixel of one replica of an estimator of a scene.
 
-    `keep`: whether it is worth its room in the store once it has been read (see `samples.store.is_kept`).
+    `keep`: whether it is worth its room in the store once it has been read (see `samples.store.portions`).
     """
 
     estimator: Estimator
@@ -34,10 +34,12 @@ class Task:
     keep: bool = True
 
 
-def tasks_of(estimator: Estimator, scene: SceneFile, replicas: range, spp: int) -> Iterator[Task]:
-    """The batches of replicas of `spp` samples per pixel, in the store's schedule."""
-    return (Task(estimator, scene, replica, start, count, is_kept(start, count, spp))
-            for replica in replicas for start, count in schedule(spp))
+def tasks_of(estimator: Estimator, scene: SceneFile, replicas: range, spp: int, *, prefixes: bool = True,
+             repeats: bool = True) -> Iterator[Task]:
+    """The batches of replicas of `spp` samples per pixel, as `work.batches` then reads them: `samples.store.portions`
+    tells of `prefixes` and `repeats`."""
+    return (Task(estimator, scene, replica, *portion)
+            for replica in replicas for portion in portions(spp, prefixes=prefixes, repeats=repeats))
 
 
 # Of this process: tasks of one estimator come one after the other, and compiling it takes as long as many samples.

@@ -45,6 +45,15 @@ def test_tasks_cover_replicas_in_the_schedule_of_the_store() -> None:
         (replica, start, count) for replica in (2, 3) for start, count in schedule(10)]
 
 
+def test_what_nobody_looks_at_is_drawn_at_once() -> None:
+    """Of long runs, which do not keep it; but all is kept of what would be another image."""
+    spp = LEAD_FACTOR * LEAD_IN
+    whole = [(task.start, task.count, task.keep) for task in tasks_of(Tracer(), SPHERES, range(1), spp, prefixes=False)]
+    assert whole == [(0, LEAD_IN, False), *((start, count, True) for start, count in schedule(spp) if start >= LEAD_IN)]
+    assert next(tasks_of(Tracer(), SPHERES, range(1), spp - 1, prefixes=False)).count == 1
+    assert all(task.keep for task in tasks_of(Tracer(), SPHERES, range(1), spp, prefixes=False, repeats=False))
+
+
 def test_executors_leave_the_same_pixels(tmp_path: Path) -> None:
     tasks = [*tasks_of(Tracer("mixture"), SPHERES, range(2), 8), *tasks_of(Tracer("uniform"), SPHERES, range(1), 8)]
     found = []
@@ -94,13 +103,17 @@ def test_what_is_there_is_not_drawn_again(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_a_study_is_the_same_in_processes(tmp_path: Path) -> None:
-    options = {"spp": 8, "replicas": 2, "max_replicas": 2, "reference_spp": 32, "tolerance": 0.5}
-    here = study(SPHERES, ["mixture", "cosine"], store=Store(tmp_path / "here"), **options)  # type: ignore[arg-type]
+    """With replicas that have curves, and long ones that are drawn to decide alone."""
+    small = SPHERES.sized(24, 18)
+    options = {"spp": LEAD_FACTOR * LEAD_IN, "replicas": 2, "max_replicas": 4, "reference_spp": 256, "tolerance": 0.004}
+    here = study(small, ["mixture", "cosine"], store=Store(tmp_path / "here"), **options)  # type: ignore[arg-type]
     with executor("processes", 2) as workers:
-        there = study(SPHERES, ["mixture", "cosine"], store=Store(tmp_path / "there"), executor=workers,
+        there = study(small, ["mixture", "cosine"], store=Store(tmp_path / "there"), executor=workers,
                       **options)  # type: ignore[arg-type]
     for ours, theirs in zip(here.strategies, there.strategies, strict=True):
+        assert ours.estimate.samples == 4 * LEAD_FACTOR * LEAD_IN
         np.testing.assert_array_equal(ours.estimate.mean, theirs.estimate.mean)
+    assert not list((tmp_path / "there").rglob("*.once.exr")), "handed over and never read"
 
 
 def test_a_study_hands_over_through_a_store_alone() -> None:
