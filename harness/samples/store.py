@@ -10,6 +10,7 @@ import secrets
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -231,7 +232,7 @@ class Store:
             _log.warning("%s; set aside as %s, its samples are rendered again", reason, place.relative_to(self.root))
 
     def _path(self, key: Mapping[str, str], replica: int, start: int, count: int) -> Path:
-        name = digest(dict(key))
+        name = _name(tuple(sorted(key.items())))
         return self.root / name[:2] / name / f"{replica}-{start}-{count}.exr"
 
     def _once(self, key: Mapping[str, str], replica: int, start: int, count: int) -> Path:
@@ -246,6 +247,12 @@ class Store:
             removed = self.prune(int(PRUNE_TO * self.limit))
             _log.warning("%s: removed %.2g GiB of old batches to stay below %.2g GiB", self.root, removed / 2**30,
                          self.limit / 2**30)
+
+
+@lru_cache(maxsize=256)
+def _name(key: tuple[tuple[str, str], ...]) -> str:
+    """The digest of a key, which every batch of a run asks for."""
+    return digest(dict(key))
 
 
 def _write_once(path: Path, value: Mapping[str, str]) -> None:
