@@ -84,5 +84,5 @@ def require_budget(gate: Gate, test: TileSamples, reference: TileSamples) -> Non
     if factor is not None:
         raise gate.error(
             f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small for its tolerance: a "
-            f"sample that has not come yet may hide more; about {times(factor)} the samples would do, or wider "
+            f"sample that has not come yet may hide more; {times(factor)} the samples would do, or wider "
             "tolerances")

@@ -119,7 +119,7 @@ def _require_budget(gate: Gate, theirs: Run | FixedRun, test: ImageMoments, refe
         factor = gate.looks[0] / gate.replicas * factor_needed(gate.sequence, test, reference)
         also = " (of the reference as well)" if not isinstance(theirs, FixedRun) else ""
         raise gate.error(f"a budget of {gate.replicas} replicas of {gate.spp} samples per pixel is too small to "
-                         f"decide; about {times(factor)} the samples would do{also}, or wider tolerances")
+                         f"decide; {times(factor)} the samples would do{also}, or wider tolerances")
 
 
 def _result(gate: Gate, film: Film, looks: list[Look], ours: Run, theirs: Run | FixedRun, broken: str,

@@ -11,6 +11,7 @@ from harness.errors import HarnessError
 from harness.stats.channels import CHANNELS, Channel
 from harness.stats.deviates import half_width, satterthwaite, skew_interval
 from harness.stats.levels import check_level
+from harness.stats.needed import times
 
 Outcome = Literal["pass", "fail", "inconclusive"]
 
@@ -154,7 +155,7 @@ def _judge_means(test_mean: np.ndarray, test_variance: np.ndarray, reference_mea
         noisier = "reference" if noisier_reference[worst] else "test image"
         shrink = max((high[worst] - error[worst]) / (tolerance - error[worst]),
                      (error[worst] - low[worst]) / (tolerance + error[worst]))
-        message += f"; about {max(shrink**2, 1.1):.2g} times the samples would decide, first of all in the {noisier}"
+        message += f"; {times(shrink**2)} the samples would decide, first of all in the {noisier}"
     return "inconclusive", message
 
 

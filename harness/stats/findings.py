@@ -51,7 +51,7 @@ class TileFinding:
         """The reason, and where samples are wanted how many."""
         if self.outcome != "inconclusive" or not np.isfinite(self.needed):
             return self.reason
-        return f"{self.reason}, about {times(self.needed)} as many"
+        return f"{self.reason}, {times(self.needed)} as many"
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,5 +45,5 @@ def undecided(ratios: np.ndarray, factor: float, sure: float, unseen: np.ndarray
 
 
 def times(factor: float) -> str:
-    """A factor in words: '3.1 times', never less than 1.1."""
-    return f"{max(factor, 1.1):.2g} times" if factor < MANY else "more than a million times"
+    """A factor in words, two digits of it: 'about 3.1 times', 'about 4,700 times', never less than 1.1."""
+    return f"about {float(f'{max(factor, 1.1):.2g}'):,.15g} times" if factor < MANY else "more than a million times"

@@ -84,7 +84,7 @@ class TestVerdict:
         assert done.status == 0
         fine = done.out.splitlines()[-2]
         assert fine.startswith("tiles of 1 px: inconclusive: ")
-        assert re.search(r"; draw more samples, about \d\.\d times as many$", fine)
+        assert re.search(r"; draw more samples, about [\d.,]+ times as many$", fine)
 
     def test_is_inconclusive_for_a_render_of_ours_too_short_to_know_its_variance(self, harness: Harness) -> None:
         done = harness("compare", ours("x.exr", samples=1), ours("truth.exr"), "--json")

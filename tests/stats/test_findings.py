@@ -59,7 +59,7 @@ def test_a_right_render_passes_with_the_samples_that_were_said_to_be_needed(rng:
     exact = TileSamples.exact(ones, TILE)
     few = judged(noisy(rng, ones, 0.2), exact).fine
     assert few.outcome == "inconclusive" and few.needed > 2
-    assert few.told == f"{few.reason}, about {times(few.needed)} as many"
+    assert few.told == f"{few.reason}, {times(few.needed)} as many"
     many = [judged(noisy(rng, ones, 0.2 / np.sqrt(few.needed)), exact).fine.outcome for _ in range(10)]
     assert many.count("pass") >= 8
     fewer = [judged(noisy(rng, ones, 0.2 / np.sqrt(few.needed / 2)), exact).fine.outcome for _ in range(10)]
@@ -111,6 +111,7 @@ class TestFactor:
         assert factor_to_decide(np.array([1e9]), 1.96) == np.inf
 
     @pytest.mark.parametrize(("factor", "words"), [
-        (0.3, "1.1 times"), (3.14159, "3.1 times"), (np.inf, "more than a million times")])
+        (0.3, "about 1.1 times"), (3.14159, "about 3.1 times"), (4711.0, "about 4,700 times"),
+        (np.inf, "more than a million times")])
     def test_is_told_in_words(self, factor: float, words: str) -> None:
         assert times(factor) == words
