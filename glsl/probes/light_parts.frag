@@ -1,5 +1,6 @@
 // The functions of lib/lights.glsl, lib/mis.glsl and the draws of lib/environment.glsl, each by itself. In: input0 = origin,
-// height; input1 = two numbers in [0, 1), two positive ones; input2 = a number in [0, 1), distance, cosine, row. The light's
+// height; input1 = two numbers in [0, 1), two positive ones; input2 = a number in [0, 1), distance, cosine, row; the first
+// is also that part of a ball's squared radius. The light's
 // place in uniforms: its middle (of a cylinder the foot), `edges` half its edges, which are at right angles, and `tube` the
 // axes of a cylinder, whole length. Out, by `part`, direction and density where it is a draw:
 //
@@ -45,7 +46,7 @@ void main()
     vec3 q = way * edges / (sizes * sizes);
     vec3 front = edges[2] / sizes.z;
     vec3 areas = 4.0 * sizes.yzx * sizes.zxy;
-    float squared = sizes.x * sizes.x;
+    float squared = 2.25 * more.x;
     float radius = length(tube[0]), half_area = radius * length(tube[2]);
     vec3 at = way * tube / vec3(radius * radius, radius * radius, dot(tube[2], tube[2]));
     if (part == 0) {

@@ -1,7 +1,7 @@
-"""What the functions of glsl/lib/lights.glsl should return for recorded arguments, in float64: see `diagnosis.expected`.
+"""What the functions of glsl/lib/lights.glsl should return for given arguments, in float64: see `diagnosis.expected`.
 
-Points are drawn on rectangles, disks, cubes and cylinders evenly over what faces the origin; balls by the directions that
-they cover (Shirley, Wang & Zimmerman 1996, ACM TOG 15(1)). Of N origins, all arrays have N rows.
+Points are drawn on rectangles, disks, cubes and cylinders evenly over what faces the origin; balls by the directions
+that they cover (Shirley, Wang & Zimmerman 1996, ACM TOG 15(1)). Of N origins, all arrays have N rows.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from harness.diagnosis import expected
 from harness.scene.lights import area, face_areas, reach
 from harness.scene.model import Shape
 
-# What rounding may turn: heights above a light's plane below this part of the distance to it, and numbers or places this
-# near to where something else is chosen.
+# What rounding may turn: heights above a light's plane below this part of the distance to it, and numbers or places
+# this near to where something else is chosen.
 LOW, NEAR = 2e-3, 1e-4
 # Of a closed shape that shines inwards all directions are alike.
 AROUND = 1 / (4 * np.pi)
@@ -64,13 +64,14 @@ def density(shape: Shape, o: np.ndarray, t: np.ndarray, facing: np.ndarray) -> n
     return t * t / (faced * facing)
 
 
-def cap(o: np.ndarray, center: np.ndarray, squared_radius: float) -> np.ndarray:
+def cap(o: np.ndarray, center: np.ndarray, squared_radius: np.ndarray | float) -> np.ndarray:
     """1 - cos of half the angle of a ball, (N,); 2 from inside."""
     sine = squared_radius / ((center - o)**2).sum(axis=1)
     return np.where(sine < 1, sine / (1 + np.sqrt(np.maximum(1 - sine, 0))), 2.0)
 
 
-def ball(o: np.ndarray, center: np.ndarray, squared_radius: float, u: np.ndarray, *, outwards: bool) -> Towards:
+def ball(o: np.ndarray, center: np.ndarray, squared_radius: np.ndarray | float, u: np.ndarray, *,
+         outwards: bool) -> Towards:
     """Directions evenly over those that a ball covers; `outwards`: it has no density from inside."""
     way = center - o
     squared = (way**2).sum(axis=1)

@@ -33,8 +33,8 @@ from harness.shader.library import OURS, Library
 SAMPLES, REPLICA = 4, 77
 # The share of samples that may differ: paths part at edges; where the oracle shows meshes for displaced spheres, more.
 SHARE, SHARE_OF_MESHES = 0.01, 0.2
-# Of a library with its own way: batches of samples of each pixel, and by how many standard errors the means of the image
-# or of one of its tiles may be apart. A dozen tiles of a thousand right libraries are by one in 50000 of them.
+# Of a library with its own way: batches of samples of each pixel, and by how many standard errors the means of the
+# image or of one of its tiles may be apart. A dozen tiles of a thousand right libraries are by one in 50000 of them.
 BATCHES, BATCH, DEVIATE = 24, 16, 6.5
 TILES = (4, 3)
 NOTE = ("lights: the library has a way of its own to sample or to weigh them, so that was not compared with ours; the "
@@ -138,8 +138,8 @@ def single(estimator: Estimator, file: SceneFile) -> np.ndarray:
 
 
 def is_own(case: Case, how: Strategy) -> bool:
-    """Whether the library brings functions of its own for what the shader with lights does: a generator, a loop, or what
-    stands in files and functions that are not ours. A line exchanged in ours is none: see `own_parts`."""
+    """Whether the shader with lights has functions of the library's own: of its files and chunks, whose text is not
+    ours. A line exchanged in ours is none: see `own_parts`."""
     library = case.library
     files = {file.shown for file in library.files} | set(library.chunks)
     if not files:

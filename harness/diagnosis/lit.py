@@ -1,8 +1,8 @@
 """Questions about light sampling at the vertices of paths: which light, which way, how likely, and what it weighs.
 
 Each function of the library is asked by itself, at the positions, normals and materials that the taps recorded, with
-numbers of its own; the answer is compared with what its definition says (`diagnosis.expected_lights`), with Mitsuba's, or
-with what the library's other functions said of the same vertex, where it only puts their answers together.
+numbers of its own; the answer is compared with what its definition says (`diagnosis.expected_lights`), with Mitsuba's,
+or with what the library's other functions said of the same vertex, where it only puts their answers together.
 """
 
 from __future__ import annotations
@@ -194,14 +194,15 @@ def _ask_surface(case: Case, lit: Lit, on: np.ndarray, number: int, tally: Tally
          None, [("eval_phong", off)])
     if lit.how.lights != "mis":
         return
-    for name, pdf, inner, way in (("bsdf pdf", lit.output(0, 3)[:, 3], lit.output(0, 4)[:, 3], direction),
-                                  ("bsdf pdf", lit.output(1, 5)[:, 0], lit.output(1, 5)[:, 1], lit.output(1, 4)[:, :3]),
-                                  ("drawn pdf", lit.output(1, 4)[:, 3], None, lit.output(1, 4)[:, :3])):
+    drawn = lit.output(1, 4)
+    for name, pdf, itself, way in (("bsdf pdf", lit.output(0, 3)[:, 3], lit.output(0, 4)[:, 3], direction),
+                                   ("bsdf pdf", lit.output(1, 5)[:, 0], lit.output(1, 5)[:, 1], drawn[:, :3]),
+                                   ("drawn pdf", drawn[:, 3], lit.output(1, 5)[:, 1], drawn[:, :3])):
         density = _density(case, lit, way)
         rows = on & ((normal * way).sum(axis=1) > GRAZING) & (np.abs(np.linalg.norm(way, axis=1) - 1) < UNIT)
-        notes = [] if inner is None else [
-            ("pdf_phong", np.abs(inner - density) / (0.01 + density) > QUESTIONS["bsdf pdf"].tolerance)]
-        _ask(tally, name, lit, rows, number, pdf, density, np.abs(pdf - density) / (0.01 + density), None, notes)
+        off = np.abs(itself - density) / (0.01 + density) > QUESTIONS[name].tolerance
+        _ask(tally, name, lit, rows, number, pdf, density, np.abs(pdf - density) / (0.01 + density), None,
+             [("pdf_phong", off)])
     own, other = lit.output(0, 3)[:, 1] * lit.output(0, 2)[:, 3], lit.output(0, 3)[:, 3]
     a, b = (own**2, other**2) if lit.how.heuristic == "power" else (own, other)
     rows = on & (own > 0) & (other > 0) & np.isfinite(a + b)
