@@ -61,9 +61,10 @@ class Oracle:
         return self._kept[strategy, False]
 
 
-def with_lights(found: AutopsyRecord, case: Case, how: Strategy, oracle: Oracle | None = None) -> AutopsyRecord:
+def with_lights(found: AutopsyRecord, case: Case, how: Strategy, oracle: Oracle | None = None, *,
+                strict: bool = False) -> AutopsyRecord:
     """The record, with the stages of light sampling behind those of the paths; `how` is the strategy, of whose draw the
-    case is, and has been diagnosed.
+    case is, and has been diagnosed. `strict`: a way of the library's own counts as a defect of ours.
 
     Nothing is added where the strategy samples no light, the paths are wrong already, or no light is there to sample.
     """
@@ -75,13 +76,13 @@ def with_lights(found: AutopsyRecord, case: Case, how: Strategy, oracle: Oracle 
     if asked is None or not asked.differs:
         whole = _of_samples(of_lights, how, oracle)
         asked = whole if asked is None else replace(whole, stages=(*asked.stages, *whole.stages))
-    told = replace(asked, strategy=how.name, samples=found.samples, paths=found.paths, notes=found.notes,
-                   scatter=found.scatter, stages=(*found.stages, *asked.stages))
-    if not told.differs or not is_own(case, how):
-        return told
-    if apart(case.library, how.name, oracle):
-        return replace(told, notes=(*told.notes, NOTE))
-    return replace(told, stage=None, places=(), vertices={}, where=None, path=(), notes=(*told.notes, NOTE))
+    right = replace(found, strategy=how.name, stages=(*found.stages, *asked.stages))
+    if not asked.differs:
+        return right
+    wrong = replace(asked, strategy=how.name, stages=right.stages, scatter=found.scatter, notes=found.notes)
+    if strict or not is_own(case, how):
+        return wrong
+    return replace(wrong if apart(case.library, how.name, oracle) else right, notes=(*found.notes, NOTE))
 
 
 def _of_vertices(case: Case, how: Strategy) -> AutopsyRecord | None:

@@ -88,7 +88,7 @@ def score(mutants: Sequence[Mutant], *, jobs: int = 1, variants: bool = True,
             seen |= {each.id: each for each in results}
             advance(len(results))
         waiting = [mutant for mutant in mutants if mutant.id not in found]
-        for results in pool.map(_examine, [(where, waiting) for where in SCENES] if waiting else []):
+        for results in pool.map(_examine, list(_elsewhere(waiting))):
             for each in results:
                 if each.outcome in ("named", "misnamed"):
                     found.setdefault(each.id, each)
@@ -99,6 +99,14 @@ def score(mutants: Sequence[Mutant], *, jobs: int = 1, variants: bool = True,
             acquitted += cleared
             advance(len(cleared))
     return AutopsyScore(tuple(found.get(mutant.id, seen[mutant.id]) for mutant in mutants), tuple(acquitted))
+
+
+def _elsewhere(waiting: Sequence[Mutant]) -> Iterator[tuple[tuple[str, str], list[Mutant]]]:
+    """Tasks: every scene, with the mutants that it may show; no strategy without them those of lights."""
+    for where in SCENES:
+        samples_lights = parse_strategy(where[1]).samples_lights
+        if shown := [mutant for mutant in waiting if samples_lights or mutant.topic != LIGHTS]:
+            yield where, shown
 
 
 def _everywhere() -> Iterator[tuple[str, str]]:
