@@ -32,7 +32,9 @@ from harness.shader.library import OURS, Library
 # Samples of each pixel that are compared, one by one, of a replica that nothing else draws.
 SAMPLES, REPLICA = 4, 77
 # The share of samples that may differ: paths part at edges; where the oracle shows meshes for displaced spheres, more.
+# Those that part by chance do so either way: by so many standard errors their mean may differ, and by so much of it.
 SHARE, SHARE_OF_MESHES = 0.01, 0.2
+LEAN, LEAST_LEAN = 6.0, 3e-3
 # Of a library with its own way: batches of samples of each pixel, and by how many standard errors the means of the
 # image or of one of its tiles may be apart. A dozen tiles of a thousand right libraries are by one in 50000 of them.
 BATCHES, BATCH, DEVIATE = 24, 16, 6.5
@@ -119,9 +121,10 @@ def _compared(case: Case, how: Strategy, question: str, oracle: Oracle) -> Autop
     with np.errstate(all="ignore"):
         relative = np.abs(mine - theirs).max(axis=-1) / (theirs.max(axis=-1) + 0.01 * theirs.mean())
     meshes = any(shape.displacement for shape in case.scene.shapes)
+    share = SHARE if not meshes else 0.0 if leans(mine, theirs) else SHARE_OF_MESHES
 
     def asked(witness: Witness | None) -> Tally:
-        tally = Tally(pixels, witness, share=SHARE_OF_MESHES if meshes else SHARE)
+        tally = Tally(pixels, witness, share=share)
         for number in range(SAMPLES):
             tally.begin(number)
             tally.ask(question, mine[number].reshape(-1, 3), theirs[number].reshape(-1, 3), lanes,
@@ -129,6 +132,13 @@ def _compared(case: Case, how: Strategy, question: str, oracle: Oracle) -> Autop
         return tally
 
     return report(case, SAMPLES, asked(None), None, asked)
+
+
+def leans(mine: np.ndarray, theirs: np.ndarray) -> bool:
+    """Whether samples (…, 3) are brighter or darker than the oracle's on the whole, and not only other ones."""
+    with np.errstate(all="ignore"):
+        off, level = (mine - theirs) @ LUMINANCE, (theirs @ LUMINANCE).mean()
+        return bool(abs(off.mean()) > max(LEAN * off.std() / np.sqrt(off.size), LEAST_LEAN * level))
 
 
 def single(estimator: Estimator, file: SceneFile) -> np.ndarray:

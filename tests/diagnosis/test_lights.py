@@ -6,12 +6,13 @@ import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
 
 from harness.diagnosis.autopsy import diagnose, opened
 from harness.diagnosis.case import Case
 from harness.diagnosis.light_parts import BEHIND, wrong_light_parts
-from harness.diagnosis.lights import NOTE, Oracle, with_lights
+from harness.diagnosis.lights import NOTE, Oracle, leans, with_lights
 from harness.diagnosis.record import AutopsyRecord
 from harness.mutants.autopsy import as_own_files, wrong_functions
 from harness.mutants.catalogue import choose, load_catalogue, mutated
@@ -111,3 +112,13 @@ def test_what_samples_no_light_and_what_is_wrong_already_is_left_alone(ours: Exa
     wrong = dataclasses.replace(ours.paths, stage="hit")
     assert with_lights(wrong, ours.case, parse_strategy("mis"), ours.oracle) is wrong
     assert ours.lights(OURS, "mixture") is ours.paths
+
+
+def test_samples_that_part_either_way_do_not_lean() -> None:
+    """As those of a mesh beside a displaced sphere's; a per cent less light does."""
+    rng = np.random.default_rng(1)
+    theirs = rng.exponential(size=(4, 20, 20, 3))
+    others = rng.permutation(theirs.reshape(-1, 3)).reshape(theirs.shape)
+    parted = np.where(rng.random((4, 20, 20, 1)) < 0.2, others, theirs)
+    assert not leans(parted, theirs) and leans(0.99 * theirs, theirs)
+    assert not leans(0.999 * theirs, theirs)
