@@ -131,7 +131,7 @@ def _compared(case: Case, how: Strategy, question: str, oracle: Oracle) -> Autop
                       difference=relative[number].ravel())
         return tally
 
-    return report(case, SAMPLES, asked(None), None, asked)
+    return replace(report(case, SAMPLES, asked(None), None, asked), vertices={})  # whole samples have none
 
 
 def leans(mine: np.ndarray, theirs: np.ndarray) -> bool:

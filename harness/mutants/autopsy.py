@@ -54,7 +54,7 @@ HOMES = {"lens": ("depth_of_field", "mixture"), "time": ("motion_blur", "mixture
          "emission": ("area_lights", "mixture"), "emits": ("area_lights", "mixture"),
          "back": ("area_lights", "mixture"), "inside": ("cornell", "mixture"), "lobes": ("spheres", "lobes"),
          "uniform": ("spheres", "uniform"), "cosine": ("spheres", "cosine"), "wrapped": ("traps/seam", "mixture"),
-         "grain": ("displaced_spheres", "mixture"), "fireflies": ("motion_blur", "mixture"),
+         "draws": ("environment", "mis"), "grain": ("displaced_spheres", "mixture"), "fireflies": ("motion_blur", "mixture"),
          "clamped": ("cylinders", "mixture"), "lib/motion.glsl": ("motion_blur", "mixture"),
          "lib/displaced.glsl": ("displaced", "mixture"), "lib/bitmaps.glsl": ("textures", "mixture"),
          "lib/uv.glsl": ("textures", "mixture"), "lib/environment.glsl": ("environment", "mixture"),
