@@ -10,21 +10,25 @@ against the oracle's in the mean, which is statistical.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from harness.diagnosis import lit
 from harness.diagnosis.case import Case
+from harness.diagnosis.light_parts import BEHIND, wrong_light_parts
+from harness.diagnosis.place import places
 from harness.diagnosis.record import AutopsyRecord
 from harness.diagnosis.report import report
-from harness.diagnosis.tally import Tally, Witness
+from harness.diagnosis.tally import Answers, Tally, Witness
 from harness.estimators.base import Estimator
 from harness.estimators.coupled import Coupled
 from harness.estimators.tracer import Tracer
 from harness.samples.estimate import LUMINANCE
 from harness.scene import SceneFile
-from harness.scene.lights import lights_sampled
+from harness.scene.lights import ENVIRONMENT, lights_sampled
+from harness.scene.model import EnvironmentMap
 from harness.scene.strategies import Strategy, parse_strategy
 from harness.shader.functions import functions
 from harness.shader.library import OURS, Library
@@ -99,7 +103,18 @@ def _of_vertices(case: Case, how: Strategy) -> AutopsyRecord | None:
         lit.ask(case, answers, tally)
         return tally
 
-    return report(case, 1, asked(None), None, asked)
+    record = report(case, 1, asked(None), None, asked)
+    return record if record.differs else _at_the_poles(case, how, record)
+
+
+def _at_the_poles(case: Case, how: Strategy, record: AutopsyRecord) -> AutopsyRecord:
+    """The record, accusing the draws from an environment map where their parts are wrong at what vertices hardly ever
+    draw: the rows about its poles."""
+    has_map = isinstance(case.scene.environment, EnvironmentMap) and any(
+        light.shape == ENVIRONMENT for light in lights_sampled(case.scene, how.lights))
+    if not has_map or not wrong_light_parts(case.library, BEHIND["environment"]):
+        return record
+    return replace(record, stage="aimed", places=places(case, "aimed", Answers(shapes=Counter({ENVIRONMENT: 1}))))
 
 
 def _of_samples(case: Case, how: Strategy, oracle: Oracle) -> AutopsyRecord:
