@@ -266,7 +266,7 @@ def _autopsy_table(score: AutopsyScore) -> Table:
         topics.setdefault(each.topic, []).append(each)
     rows = [_topic(topic, mutants) for topic, mutants in topics.items()]
     caption = ("Autopsies of the mutants, by the part of the shader. CPU time: of one autopsy, the median of those "
-               "that accuse.")
+               "that accuse; of lights without the paths, which are right there.")
     columns = (Column("Part", share=1), *(Column(title, "right") for title in (
         "Mutants", "Named", "Misnamed", "Missed", "Unreached", "CPU time")))
     return Table(caption, columns, (*rows, _topic("all", list(score.mutants))), (0, len(rows)))
