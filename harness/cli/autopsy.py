@@ -21,8 +21,8 @@ def autopsy(
     strategy: Annotated[str, typer.Option("--strategy", help="How directions are drawn.")] = "mixture",
     size: SizeOption = None,
     samples: Annotated[int, typer.Option("--samples", min=1, max=64, help="Paths of each pixel.")] = 2,
-    strict: Annotated[bool, typer.Option("--strict", help="Hold a generator, a sampler or a loop of the library's own "
-                                         "to ours.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Hold a generator, a sampler, a loop or a way to sample "
+                                         "lights of the library's own to ours.")] = False,
     parameters: SetOption = None,
     device: DeviceOption = None,
     json: JsonOption = False,
@@ -30,7 +30,8 @@ def autopsy(
     """Compare the stages of paths with Mitsuba's, and name the function that computes the first that differs.
 
     Every vertex is taken from the shader as it renders and computed again by Mitsuba from the same ray and the same
-    random numbers: what differs is what this step got wrong. Exit status 1 when a stage differs.
+    random numbers: what differs is what this step got wrong. Where the strategy samples lights, each function of that
+    is asked at those vertices. Exit status 1 when a stage differs.
 
     Example: `harness autopsy mitsuba_scenes/spheres.xml --strategy lobes`
     """

@@ -114,17 +114,17 @@ def autopsy(file: SceneFile, strategy: str, library: Library = OURS, *, samples:
             progress: Progress = quiet) -> AutopsyRecord:
     """Compare the stages of `samples` paths of each pixel with Mitsuba's single steps.
 
-    Of a strategy that samples lights first the paths, and where these are right whole samples (`diagnosis.lights`).
+    Of a strategy that samples lights first the paths, and where these are right the lights (`diagnosis.lights`).
 
-    `strict`: a generator, a sampler or a loop of the library's own counts as a defect of ours.
+    `strict`: a generator, a sampler or a loop of the library's own, or its own way to sample lights, counts as a defect
+    of ours.
     HarnessError for an unknown strategy, ShaderError for a library that does not compile, SceneError for a scene
     outside the tracer's subset.
     """
     check_strategy(load(file), strategy)
     how = parse_strategy(strategy)
     with opened(CoupledSteps(file), how.draw, library, strict=strict) as case:
-        found = diagnose(case, samples, progress)
-    return with_lights(found, file, how, library)
+        return with_lights(diagnose(case, samples, progress), case, how, strict=strict)
 
 
 def settled(case: Case) -> Case:

@@ -15,6 +15,7 @@ from harness.scene.motion import moving
 from harness.shader.functions import Function, functions
 from harness.shader.library import OURS, Library
 from harness.shader.scene.materials import switches
+from harness.shader.source import ShaderSource
 
 # What an author may do in his own way without being wrong, and the functions that do it.
 OWN = {
@@ -28,7 +29,7 @@ OWN = {
 class Case:
     """`steps`: Mitsuba's of the same scene. `own`: which of OWN the library brings in files or functions of its own,
     and "density" where its sampler also has another density than the strategy's. `kept`: looks that are asked about
-    more than once, by number."""
+    more than once, by number. `lit`: the shader that also samples lights, once that is what is looked at."""
 
     scene: Scene
     strategy: str
@@ -37,11 +38,17 @@ class Case:
     steps: CoupledSteps
     own: frozenset[str]
     kept: dict[int, Seen] = field(default_factory=dict)
+    lit: ShaderSource | None = None
+
+    @property
+    def source(self) -> ShaderSource:
+        """The shader that is looked at."""
+        return self.lit or self.tap.source
 
     @property
     def functions(self) -> dict[str, Function]:
-        """The functions of the shader by name."""
-        return dict(self.tap.functions)
+        """Its functions by name."""
+        return dict(functions(self.lit) if self.lit else self.tap.functions)
 
     @property
     def has_glossy(self) -> bool:

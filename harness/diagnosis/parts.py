@@ -49,26 +49,26 @@ def _surface_parts(library: Library) -> Iterator[str]:
     radius = np.hypot(q[:, 0], q[:, 1])
     wave, slope = _wave(t, 0.75)
     whole = np.where(turns < 0, turns + 1, turns)
-    yield from _unless(_near(out[:, 0], turns), "turns")
-    if _near(out[:, 0], turns):
-        yield from _unless(_near(out[:, 1], whole), "whole_turns")
-    yield from _unless(_near(out[:, 2], radius), "wood_radius")
-    yield from _unless(_near(out[:, 3], np.clip(2 * t - 1, 0, 1)), "ramp_step")
+    yield from unless(near(out[:, 0], turns), "turns")
+    if near(out[:, 0], turns):
+        yield from unless(near(out[:, 1], whole), "whole_turns")
+    yield from unless(near(out[:, 2], radius), "wood_radius")
+    yield from unless(near(out[:, 3], np.clip(2 * t - 1, 0, 1)), "ramp_step")
     clear = np.abs(t - np.rint(t)) > _JUMP
-    yield from _unless(_near(out[clear, 4], wave[clear]) and _near(out[clear, 5], slope[clear], 1e-3), "wave")
-    yield from _unless(_near(out[:, 6:8], np.abs(q[:, :2] - 2 * np.floor(0.5 * q[:, :2] + 0.5))), "mirrored")
+    yield from unless(near(out[clear, 4], wave[clear]) and near(out[clear, 5], slope[clear], 1e-3), "wave")
+    yield from unless(near(out[:, 6:8], np.abs(q[:, :2] - 2 * np.floor(0.5 * q[:, :2] + 0.5))), "mirrored")
     marble, along = _wave(q[:, 0] + _DISTORTION * _NOISE[3], KINDS["marble"].rise)
     gradient = along[:, None] * (np.array([1.0, 0, 0]) + _DISTORTION * _NOISE[:3])
-    yield from _unless(_near(out[:, 8:12], np.c_[gradient, marble], 5e-3), "marble")
+    yield from unless(near(out[:, 8:12], np.c_[gradient, marble], 5e-3), "marble")
     wood, along = _wave(radius + _DISTORTION * _NOISE[3], KINDS["wood"].rise)
     grain = np.array(KINDS["wood"].grain)
     outwards = np.c_[q[:, :2] / radius[:, None], np.zeros(_ROWS)]
-    yield from _unless(_near(out[:, 12:16], np.c_[along[:, None] * (outwards + _DISTORTION * grain * _NOISE[:3]), wood],
+    yield from unless(near(out[:, 12:16], np.c_[along[:, None] * (outwards + _DISTORTION * grain * _NOISE[:3]), wood],
                              5e-3), "wood")
     upper = q[:, :2] - np.floor(q[:, :2])
     sure = (np.abs(upper - 0.5) > _JUMP).all(axis=1) & (np.abs(upper - np.rint(upper)) > _JUMP).all(axis=1)
     first = (upper[:, 0] > 0.5) == (upper[:, 1] > 0.5)
-    yield from _unless(bool(np.mean((out[sure, 16] > 0.5) == first[sure]) == 1.0), "is_first_color")
+    yield from unless(bool(np.mean((out[sure, 16] > 0.5) == first[sure]) == 1.0), "is_first_color")
 
 
 def _noise_parts(library: Library) -> Iterator[str]:
@@ -113,12 +113,12 @@ def _wave(s: np.ndarray, rise: float) -> tuple[np.ndarray, np.ndarray]:
     return x * x * (3 - 2 * x), slope * 6 * x * (1 - x)
 
 
-def _near(found: np.ndarray, wanted: np.ndarray, rounding: float = _ROUNDING) -> bool:
+def near(found: np.ndarray, wanted: np.ndarray, rounding: float = _ROUNDING) -> bool:
     """Nearly everywhere: a few places lie on a jump."""
     apart = np.abs(found - wanted)
     return bool(np.mean(np.nan_to_num(apart, nan=np.inf) < rounding * (1 + np.abs(wanted))) > 0.99)
 
 
-def _unless(right: bool, name: str) -> Iterator[str]:
+def unless(right: bool, name: str) -> Iterator[str]:
     if not right:
         yield name

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 
 from harness.diagnosis.case import Case
+from harness.diagnosis.light_parts import BEHIND, wrong_light_parts
 from harness.diagnosis.parts import wrong_texture_parts
 from harness.diagnosis.questions import QUESTIONS
 from harness.diagnosis.record import Place
@@ -33,7 +34,7 @@ def places(case: Case, name: str, answers: Answers) -> tuple[Place, ...]:
 
 def _place(case: Case, function: str, question: str) -> Place | None:
     """Where a function stands; the line that computes the question's stage, where that is told."""
-    whole = case.library.assembled("display.frag") if question == "display" else case.tap.source
+    whole = case.library.assembled("display.frag") if question == "display" else case.source
     known = functions(whole)
     if function not in known:
         return None
@@ -74,7 +75,7 @@ def _met(case: Case, answers: Answers) -> list[str]:
 
 def _meets(case: Case, shape: int) -> str:
     """The function by which the scene meets a shape, as its text has it."""
-    scene = dict(case.tap.source.files).get(GENERATED, "")
+    scene = dict(case.source.files).get(GENERATED, "")
     found = re.search(rf"\b(hit_\w+)\([^\n]*\n[^\n]*\bid = {shape};", scene)
     return found[1] if found else f"hit_{case.scene.shapes[shape].kind}"
 
@@ -160,9 +161,31 @@ def _draws(case: Case, answers: Answers) -> list[str]:
     return ["sample_phong"] if answers.notes["in sample_phong"] > 0.5 * answers.first else []
 
 
+def _aimed(case: Case, answers: Answers) -> list[str]:
+    """Of the functions behind a light's directions and densities those that are wrong by themselves, then the rest."""
+    found: list[str] = []
+    for index in _shapes(answers)[:1]:
+        kind = case.scene.shapes[index].kind if index >= 0 else "environment"
+        found += wrong_light_parts(case.library, BEHIND[kind])
+    return found
+
+
+def _sky(case: Case, answers: Answers) -> list[str]:
+    """The same of the density of light that is met."""
+    sky = [] if _kind(case, answers) else ["environment_light_pdf", "pdf_environment"]
+    return [*_aimed(case, answers), *sky]
+
+
+def _aimed_at(case: Case, answers: Answers) -> list[str]:
+    """The same of the direction: what draws from the map is what is left there."""
+    found = _aimed(case, answers)
+    return found or ([] if _kind(case, answers) else ["sample_environment_texel"])
+
+
 _BY_QUESTION: dict[str, Callable[[Case, Answers], list[str]]] = {
     "hit": _met, "distance": _met, "normal": _normal, "coordinate": _coordinate, "material": _material,
     "light": _light, "place": _projection, "pose": _pose, "camera": _camera,
     "direction": _noted, "pdf": _noted, "draws": _draws,
-    "display": _noted,
+    "display": _noted, "aimed": _aimed_at, "light pdf": _aimed, "least": _aimed, "met pdf": _sky, "reflected": _noted,
+    "bsdf pdf": _noted, "sent": _light,
 }

@@ -61,13 +61,13 @@ class Answers:
 
 class Tally:
     """Counts over the looks of one autopsy; `pixels` of the image. Rows of the table of one path are kept for
-    `witness`, where one is given."""
+    `witness`, where one is given. `share`: of the answers to a question, that may differ whatever rounding does."""
 
-    def __init__(self, pixels: int, witness: Witness | None = None) -> None:
+    def __init__(self, pixels: int, witness: Witness | None = None, share: float = 0.0) -> None:
         self.answers = {name: Answers() for name in QUESTIONS}
         self.paths = 0
         self.rows: list[tuple[str, int, list[float], list[float], bool]] = []
-        self._pixels, self._witness, self._look = pixels, witness, -1
+        self._pixels, self._witness, self._look, self._share = pixels, witness, -1, share
         self._undecided = np.zeros(0, dtype=bool)
 
     def begin(self, look: int) -> None:
@@ -125,7 +125,7 @@ class Tally:
     def accused(self) -> str | None:
         """The first question at which more paths begin to differ than rounding makes, or one that it cannot explain."""
         guilty = [name for name, answers in self.answers.items()
-                  if answers.first > _allowed(answers.asked) or answers.certain]
+                  if answers.first > max(_allowed(answers.asked), self._share * answers.asked) or answers.certain]
         return min(guilty, key=ORDER.__getitem__) if guilty else None
 
     def shifted(self, exponents: np.ndarray) -> tuple[str, Shift] | None:

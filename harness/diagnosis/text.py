@@ -47,8 +47,8 @@ def _how_much(found: AutopsyRecord, stage: StageRecord) -> Iterator[str]:
         return
     yield (f"  {stage.first} of {found.paths} paths ({stage.first / found.paths:.2%}) differ here first; by "
            f"{stage.largest:.3g} at most ({stage.measure}), where {stage.tolerance:g} is rounding")
-    where = ", ".join(f"{count} at vertex {vertex + 1}" for vertex, count in found.vertices.items())
-    yield f"  {where}"
+    if found.vertices:
+        yield "  " + ", ".join(f"{count} at vertex {vertex + 1}" for vertex, count in found.vertices.items())
 
 
 def _where(found: AutopsyRecord) -> Iterator[str]:

@@ -13,10 +13,12 @@ import numpy as np
 
 from harness.errors import HarnessError
 from harness.machine.mitsuba_runtime import use_reference_variant
+from harness.reference.map_draws import MapDraws
 from harness.reference.motion import MovingShapes
 from harness.reference.prepare import prepare
 from harness.reference.shape_index import shape_table
 from harness.scene import Scene, SceneFile, load
+from harness.scene.model import EnvironmentMap
 from harness.scene.motion import moving
 
 # What a distance is where nothing is met, as the shader's NO_HIT.
@@ -63,12 +65,13 @@ class Vertices:
 class CoupledSteps:
     """Mitsuba's scene of a file, asked for single steps.
 
-    `reading`: ours of the file; `scene`: the same as it is rendered, by Mitsuba and by our shader.
+    `file`: the scene's; `reading`: ours of it; `scene`: the same as it is rendered, by Mitsuba and by our shader.
     """
 
     def __init__(self, file: SceneFile) -> None:
         """HarnessError for a scene that our tracer does not understand, and whatever `prepare` raises."""
         self._mi = use_reference_variant()
+        self.file = file
         prepared = prepare(file)
         if prepared.reading is None:
             raise HarnessError(f"{file.path}: the scene holds what the tracer has no words for; `harness reference` "
@@ -128,6 +131,18 @@ class CoupledSteps:
         drawn = si.to_world(sample.wo)
         dr.eval(drawn, weight)
         return _array(drawn, len(origin)), _array(weight, len(origin))
+
+    def sky(self, numbers: np.ndarray, asked: np.ndarray, *, compensated: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Directions (N, 3) that numbers (N, 3), the texel's and two of the direction, draw from the environment map,
+        and the densities per steradian of the directions `asked`, (N,). `compensated`: see `MapDraws`."""
+        import drjit as dr
+
+        assert isinstance(self.scene.environment, EnvironmentMap), "the scene has a map"
+        draws = MapDraws(self._mi, self.scene.environment, compensated)
+        direction = draws.direction(*(self._floats(numbers[:, k]) for k in range(3)))
+        density = draws.density(self._vectors(asked))
+        dr.eval(direction, density)
+        return _array(direction, len(numbers)), _array(density, len(numbers))
 
     def _met(self, origin: np.ndarray, direction: np.ndarray) -> tuple[Any, Any, Any]:
         mi = self._mi

@@ -12,7 +12,7 @@ from harness.errors import HarnessError
 from harness.files import data_dir
 from harness.gpu.context import Program
 from harness.mutants import runner
-from harness.mutants.autopsy import score
+from harness.mutants.autopsy import wrong_functions
 from harness.mutants.catalogue import Mutant, choose, load_catalogue, mutated
 from harness.mutants.judge import ENOUGH
 from harness.mutants.matrix import KillMatrix, as_json
@@ -71,10 +71,9 @@ class TestCatalogue:
         modules = {path.stem for folder in MODULE_FOLDERS for path in (TESTS / folder).glob("test_*.py")}
         assert {mutant.killer for mutant in CATALOGUE if mutant.killer.startswith("test_")} <= modules
 
-    def test_autopsies_leave_out_lights(self) -> None:
-        """Or all of them would count as missed, after many minutes."""
-        with pytest.raises(HarnessError, match="autopsies do not examine mutants of lights"):
-            score(choose(CATALOGUE, ["lights"]))
+    def test_a_macro_is_wrong_in_what_uses_it(self) -> None:
+        mutant, = choose(CATALOGUE, ["met-unweighted"])
+        assert wrong_functions(mutant) == ("trace_samples",)
 
     def test_is_chosen_from_by_id_and_topic(self) -> None:
         assert choose(CATALOGUE, []) == CATALOGUE

@@ -226,7 +226,8 @@ def _sure(tiles: OracleTiles) -> str:
 def _autopsy_words() -> str:
     return (
         "Where the two do not agree, `harness autopsy` follows both along single paths and names the first stage that "
-        "differs (hit, normal, direction, weight, …) and the function that computes it. Each one-line defect of the "
+        "differs (hit, normal, direction, weight, …) and the function that computes it; where lights are sampled, it "
+        "asks each function of that at the same vertices, and then compares whole samples. Each one-line defect of the "
         "catalogue was put into the shader by itself and examined. Named: the first function is one that the defect "
         "is in; misnamed: it is another; missed: the records of a path change, but by less than is accused; unreached: "
         "the defect changes no path of any scene.").replace("`", "")
@@ -249,8 +250,9 @@ def _autopsy_remarks(score: AutopsyScore) -> tuple[Remark, ...]:
         right = formats.plural(len({each.id for each in score.variants}), "right shader")
         accused = [f"{each.id} on {each.scene} ({each.stage})" for each in score.accused]
         told = f"accused all the same: {formats.words(accused)}" if accused else "none was accused"
-        remarks.append(Remark(f"Of {right}, each on {formats.plural(len(_places(score)), 'pair')} of scene and "
-                              f"strategy, {told}.", "fail" if accused else "pass"))
+        remarks.append(Remark(f"Of {right}, examined {formats.count(len(score.variants))} times on "
+                              f"{formats.plural(len(_places(score)), 'pair')} of scene and strategy, {told}.",
+                              "fail" if accused else "pass"))
     return tuple(remarks)
 
 
@@ -264,7 +266,7 @@ def _autopsy_table(score: AutopsyScore) -> Table:
         topics.setdefault(each.topic, []).append(each)
     rows = [_topic(topic, mutants) for topic, mutants in topics.items()]
     caption = ("Autopsies of the mutants, by the part of the shader. CPU time: of one autopsy, the median of those "
-               "that accuse.")
+               "that accuse; of lights without the paths, which are right there.")
     columns = (Column("Part", share=1), *(Column(title, "right") for title in (
         "Mutants", "Named", "Misnamed", "Missed", "Unreached", "CPU time")))
     return Table(caption, columns, (*rows, _topic("all", list(score.mutants))), (0, len(rows)))

@@ -79,7 +79,7 @@ def test_autopsies_are_counted_by_part_and_those_that_are_wrong_named() -> None:
     assert told[0] == ("", "1 of 3 mutants that change a path are named by the right function first (33.3 %).")
     assert told[1] == ("warning", "Another function is named: a2 (g for f).")
     assert [text for _, text in told[2:4]] == ["Nothing is accused: b1.", "No scene shows: b2."]
-    assert told[4][0] == "pass" and told[4][1].startswith("Of 2 right shaders, each on 1 pair of scene")
+    assert told[4][0] == "pass" and told[4][1].startswith("Of 2 right shaders, examined 2 times on 1 pair of scene")
     accused = dataclasses.replace(SCORE, variants=(Acquitted("other", "spheres", "lobes", "normal", ()),))
     last = blocks(chapter(score=accused), Remarks)[0].items[-1]
     assert last.mark == "fail" and "other on spheres (normal)" in last.text
