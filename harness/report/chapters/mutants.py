@@ -81,8 +81,8 @@ def _mutants(record: KillRecord) -> Table:
         rows.append((Cell(each.id), Cell(each.imitates), Cell(each.origin), _killers(killers, each.killer)))
     caption = ("All mutants, by the part of the shader: what each imitates, where it was seen, and which gates killed "
                "it, first the one that the catalogue expects.")
-    return Table(caption, (Column("Mutant"), Column("Imitates", share=3), Column("Origin", share=3),
-                           Column("Killed by", share=2)), tuple(rows), tuple(rules), long=True)
+    return Table(caption, (Column("Mutant"), Column("Imitates", share=5), Column("Origin", share=5),
+                           Column("Killed by", share=4)), tuple(rows), tuple(rules), long=True)
 
 
 def _killers(killers: Sequence[str], expected: str) -> Cell:
