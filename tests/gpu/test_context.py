@@ -71,6 +71,8 @@ def test_a_missing_driver_is_a_machine_error(monkeypatch: pytest.MonkeyPatch) ->
                           "Ubuntu type: apt-get install -y libegl1 libgl1-mesa-dri")
 
 
+# Python 3.12 and later warn of a fork among threads, which is what this is about.
+@pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork:DeprecationWarning")
 def test_a_forked_child_is_refused() -> None:
     """Drivers hang there: the child must learn it at once, and what to use instead."""
     context()
