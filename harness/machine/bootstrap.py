@@ -95,7 +95,7 @@ def find_python() -> str:
 
 
 def python_packages() -> str:
-    """The packages of the newest supported Python that this system has: Debian 12 has 3.11 alone, Debian 13 has 3.13."""
+    """The packages of the newest supported Python that this system has: 3.11 on Debian 12, 3.13 on Debian 13."""
     if shutil.which("apt-cache"):
         for minor in range(NEWEST[1], OLDEST[1] - 1, -1):
             name = "python3.%d" % minor
