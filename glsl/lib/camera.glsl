@@ -26,7 +26,8 @@ void camera_ray(vec2 film, out vec3 o, out vec3 d, out float reach)
 void lens_ray(vec2 film, vec2 u, out vec3 o, out vec3 d, out float reach)
 {
     vec2 lens = CAMERA_APERTURE * sample_disk(u);
-    vec2 plane = vec2(1.0 - 2.0 * film.x, 2.0 * film.y - 1.0) * CAMERA_TAN - (1.0 / CAMERA_FOCUS) * lens;
+    // `precise`, or a compiler multiplies the lens's two constants first, and as uniforms they would give other bits.
+    precise vec2 plane = vec2(1.0 - 2.0 * film.x, 2.0 * film.y - 1.0) * CAMERA_TAN - (1.0 / CAMERA_FOCUS) * lens;
     d = plane.x * CAMERA_LEFT + plane.y * CAMERA_UP + CAMERA_FORWARD;
     float slant = length(d);
     d *= 1.0 / slant;

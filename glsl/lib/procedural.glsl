@@ -21,9 +21,10 @@ const vec3 WOOD_GRAIN = vec3(0.25, 0.25, 0.0625);
 // that both renderers round alike, which a steep texture would show: dot() may add up in another.
 vec3 to_cells(vec4 row_x, vec4 row_y, vec4 row_z, vec3 p)
 {
-    return vec3(row_x.x * p.x + row_x.y * p.y + row_x.z * p.z + row_x.w,
-                row_y.x * p.x + row_y.y * p.y + row_y.z * p.z + row_y.w,
-                row_z.x * p.x + row_z.y * p.y + row_z.z * p.z + row_z.w);
+    precise vec3 q = vec3(row_x.x * p.x + row_x.y * p.y + row_x.z * p.z + row_x.w,
+                          row_y.x * p.x + row_y.y * p.y + row_y.z * p.z + row_y.w,
+                          row_z.x * p.x + row_z.y * p.y + row_z.z * p.z + row_z.w);
+    return q;
 }
 
 // A wave of period 1 that climbs from 0 to 1 over the part `rise` of the period and falls back over the rest, along

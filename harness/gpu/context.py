@@ -47,7 +47,7 @@ def context() -> moderngl.Context:
             with environment():
                 created = moderngl.create_context(standalone=True, require=430, **options)
         except Exception as error:  # moderngl raises bare Exception
-            if missing := re.search(r"requested device index .* found (\d+) devices", str(error)):
+            if missing := re.search(r"requested device index .* found ([1-9]\d*) devices", str(error)):
                 raise MachineError(f"{CHOICE}: there is no EGL device {index}; there are {missing[1]}, numbered from "
                                    "0; `harness doctor` lists them") from None
             raise MachineError(

@@ -16,10 +16,10 @@ import moderngl
 import numpy as np
 
 from harness.errors import ShaderError
-from harness.gpu.context import context, device, line_offset
+from harness.gpu.context import Program, context, line_offset
 from harness.gpu.stand_ins import StandIns
 from harness.shader.contract import Channel, Contract, Role, ShaderPass
-from harness.shader.source import LINE_STRIDE
+from harness.shader.source import LINE_STRIDE, ShaderSource
 
 # A steady clock: frames of a second.
 FRAME_RATE = 60.0
@@ -34,6 +34,19 @@ MOST = 200
 _ERROR = re.compile(r"error: (.*)")
 # What no text compiles with, and still is read to its end.
 _UNDECLARED = "\nvoid harness_fails_() { harness_undeclared_ = 1.0; }\n"
+# A float counts so far to the bit, and no compiler sees through its sum.
+_MOST_ITERATIONS = 1 << 20
+_COUNTING = """#version 420 core
+uniform int most;
+out vec4 counted;
+void main()
+{
+    float iterations = 0.0;
+    for (int i = 0; i < most; ++i)
+        iterations += 1.0;
+    counted = vec4(iterations);
+}
+"""
 _UNSET = re.compile(r"^\d+:(\d+)\(\d+\): warning: `(\w+)' used uninitialized", re.MULTILINE)
 
 
@@ -307,5 +320,19 @@ def _quad(gl: moderngl.Context, program: Any, members: Mapping[str, Any]) -> Any
 
 
 def iterations_limit() -> int:
-    """How many iterations of all its loops an invocation can make on this device; 0 where it has no such limit."""
-    return 2 * device().max_iterations if device().compiles_twice else 0
+    """How many iterations of all its loops an invocation can make on this device, found by a loop that counts them; 0
+    where it makes as many as it should, here 2²⁰. llvmpipe of Mesa 22 leaves loops after 65,535, of Mesa 25 never."""
+    gl = context()
+    program = Program(ShaderSource(_COUNTING, ()))
+    framebuffer = gl.simple_framebuffer((1, 1), 1, dtype="f4")
+    try:
+        program.set({"most": _MOST_ITERATIONS})
+        gl.scissor = None
+        framebuffer.use()
+        framebuffer.clear()  # what is blended with must be finite
+        program.draw()
+        counted = int(np.frombuffer(framebuffer.read(components=1, dtype="f4"), np.float32)[0])
+    finally:
+        for thing in (program, *framebuffer.color_attachments, framebuffer):
+            thing.release()
+    return counted if counted < _MOST_ITERATIONS else 0

@@ -110,8 +110,8 @@ class Tap:
         gl.memory_barrier()
         left = np.frombuffer(self._pingpong[1].read(), dtype=np.float32).reshape(height, width, 4)[::-1]
         rows = np.frombuffer(self._buffer.read(), dtype=np.float32).reshape(height, width, -1, 4)[::-1]
-        paths, vertices = np.split(rows.reshape(width * height, -1, 4), [len(PATH_RECORDS)], axis=1)
-        vertices = vertices.reshape(width * height, depth, len(VERTEX_RECORDS), 4)
+        paths, rest = np.split(rows.reshape(width * height, -1, 4), [len(PATH_RECORDS)], axis=1)
+        vertices = rest.reshape(width * height, depth, len(VERTEX_RECORDS), 4)
         return Observed(left.reshape(-1, 4), {name: paths[:, index] for index, name in enumerate(PATH_RECORDS)},
                         [{name: vertices[:, number, index] for index, name in enumerate(VERTEX_RECORDS)}
                          for number in range(depth)])

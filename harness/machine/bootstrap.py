@@ -90,8 +90,18 @@ def find_python() -> str:
             return found
     raise SetupError(
         "Python %d.%d is %s, and no python3.11, 3.12 or 3.13 is on the PATH; install one, for instance\n"
-        "    apt-get install python3.11 python3.11-venv" % (
-            sys.version_info[0], sys.version_info[1], "too old" if sys.version_info[:2] < OLDEST else "too new"))
+        "    apt-get install %s" % (sys.version_info[0], sys.version_info[1],
+                                    "too old" if sys.version_info[:2] < OLDEST else "too new", python_packages()))
+
+
+def python_packages() -> str:
+    """The packages of the newest supported Python that this system has: 3.11 on Debian 12, 3.13 on Debian 13."""
+    if shutil.which("apt-cache"):
+        for minor in range(NEWEST[1], OLDEST[1] - 1, -1):
+            name = "python3.%d" % minor
+            if subprocess.call(["apt-cache", "show", name], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) == 0:
+                return "%s %s-venv" % (name, name)
+    return "python3 python3-venv"
 
 
 def python_version(interpreter: str) -> Optional[Tuple[int, ...]]:

@@ -122,16 +122,19 @@ def check_devices() -> Check:
     """The EGL devices, each tried in a process of its own; the one in use is marked."""
     used = os.environ.get("HARNESS_GL_DEVICE", "").strip() or "0"
     lines: list[str] = []
+    good: list[int] = []
     for index in range(MAX_DEVICES):
         answer = _probe(_GL_PROBE, {"HARNESS_GL_DEVICE": str(index)}, timeout=_DEVICE_TIMEOUT)
         if isinstance(answer, str) and "there is no EGL device" in answer:
             break
         told = answer if isinstance(answer, str) else f"{answer[0]} ({'software' if answer[2] else 'hardware'})"
         lines.append(f"{index}: {told}{', used' if str(index) == used else ''}")
-        if isinstance(answer, str) and not index:
+        if not isinstance(answer, str):
+            good.append(index)
+        elif not index:
             break  # without EGL all fail alike
-    return Check("devices", any("used" in line for line in lines), "; ".join(lines),
-                 mend="export HARNESS_GL_DEVICE=0, or another number of these", needed=False)
+    mend = f"export HARNESS_GL_DEVICE={good[0]}" if good else "as for OpenGL"
+    return Check("devices", used in map(str, good), "; ".join(lines), mend=mend, needed=False)
 
 
 def check_llvm() -> Check:

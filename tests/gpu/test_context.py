@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
+import subprocess
+import sys
 import threading
+from pathlib import Path
 from typing import Any
 
 import moderngl
@@ -71,6 +75,17 @@ def test_a_missing_driver_is_a_machine_error(monkeypatch: pytest.MonkeyPatch) ->
                           "Ubuntu type: apt-get install -y libegl1 libgl1-mesa-dri")
 
 
+def test_egl_without_a_driver_is_no_slip_in_a_number(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """libEGL only asks drivers, and is there where none is: the packages mend that, another number does not."""
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", str(tmp_path / "none.json"))
+    program = ("from harness.gpu.context import context\nfrom harness.errors import MachineError\n"
+               "try:\n    context()\nexcept MachineError as error:\n    print(error)")
+    told = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True).stdout
+    assert re.fullmatch(r"no headless OpenGL 4\.3: .* type: apt-get install -y libegl1 libgl1-mesa-dri\n", told), told
+
+
+# Python 3.12 and later warn of a fork among threads, which is what this is about.
+@pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork:DeprecationWarning")
 def test_a_forked_child_is_refused() -> None:
     """Drivers hang there: the child must learn it at once, and what to use instead."""
     context()

@@ -89,7 +89,21 @@ class TestPython:
     ) -> None:
         monkeypatch.setattr(bootstrap.sys, "version_info", version)
         monkeypatch.setattr(bootstrap.shutil, "which", lambda name: None)
-        with pytest.raises(bootstrap.SetupError, match=f"{reason}.*\n *apt-get install python3.11 python3.11-venv"):
+        with pytest.raises(bootstrap.SetupError, match=f"{reason}.*\n *apt-get install python3 python3-venv$"):
+            bootstrap.find_python()
+
+    @pytest.mark.parametrize(("has", "told"), [("python3.11", "python3.11 python3.11-venv"),  # Debian 12
+                                               ("python3.13", "python3.13 python3.13-venv"),  # Debian 13
+                                               ("python3.14", "python3 python3-venv")])
+    def test_the_message_names_a_python_that_this_system_has(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, has: str, told: str,
+    ) -> None:
+        asked = tmp_path / "apt-cache"
+        asked.write_text(f'#!/bin/sh\n[ "$1 $2" = "show {has}" ] || exit 100\n')
+        asked.chmod(0o755)
+        monkeypatch.setenv("PATH", str(tmp_path))
+        monkeypatch.setattr(bootstrap.sys, "version_info", (3, 8, 1))
+        with pytest.raises(bootstrap.SetupError, match=rf"\n    apt-get install {told}$"):
             bootstrap.find_python()
 
     def test_a_supported_one_of_the_path_is_found(self, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -76,6 +76,15 @@ class TestOpenGL:
         monkeypatch.delenv("HARNESS_GL_DEVICE", raising=False)
         check = doctor.check_devices()
         assert (check.ok, check.detail) == (True, "0: llvmpipe (software), used; 1: no answer within 2 s")
+        monkeypatch.setenv("HARNESS_GL_DEVICE", "1")
+        check = doctor.check_devices()
+        assert (check.ok, check.detail) == (False, "0: llvmpipe (software); 1: no answer within 2 s, used")
+        assert check.mend == "export HARNESS_GL_DEVICE=0"
+
+    def test_without_a_driver_no_device_is_well(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", str(tmp_path / "none.json"))
+        check = doctor.check_devices()
+        assert (check.ok, check.mend, check.needed) == (False, "as for OpenGL", False)
 
 
 class TestMitsuba:
