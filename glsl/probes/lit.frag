@@ -1,7 +1,7 @@
 // What the functions of light sampling make of the vertices of paths, each by itself: the light that is chosen, the way
 // there, its density, what the surface answers, the weights, and what comes back. In: input0 = origin off the surface, key of
 // the vertex's numbers; input1 = normal, p_glossy; input2 = direction to the viewer, alpha; input3 = kd; input4 = ks.
-// `moment`, in [0, 1), of the shutter's interval. Out, by `part`:
+// `moment`, in [0, 1), of the shutter's interval. Out: by `part`.
 //
 // 0: output0 = l of aim_at_light, light; 1 = its weight, least; 2 = l of sample_light, pdf; 3 = light that was chosen, its
 //    chance, least, pdf_bsdf of l; 4 = eval_bsdf of it, pdf_phong; 5 = what the ray meets: shape, distance, cosine, density
@@ -29,18 +29,6 @@ layout(location = 4) out vec4 output4;
 layout(location = 5) out vec4 output5;
 layout(location = 6) out vec4 output6;
 layout(location = 7) out vec4 output7;
-
-// What shape `id`, or the sky, sends back along the ray that met it at the distance t.
-vec3 sent(int id, vec3 o, vec3 l, float t)
-{
-#if HAS_SHAPE_LIGHTS && HAS_SKY_LIGHT
-    return id < 0 ? environment(l) : light_radiance(id, o + t * l, l);
-#elif HAS_SHAPE_LIGHTS
-    return light_radiance(id, o + t * l, l);
-#else
-    return environment(l);
-#endif
-}
 
 void main()
 {
@@ -105,11 +93,29 @@ void main()
         output3 = vec4(float(light), chance, found.least, answer);
         output4 = vec4(eval_bsdf(m, n, v, found.l), pdf_phong(m, n, v, found.l));
         output5 = met;
-        output6 = vec4(id == light ? sent(id, o, found.l, t) : vec3(0.0), own);
+        vec3 sent = vec3(0.0);
+#if HAS_SKY_LIGHT
+        if (id == light && id < 0)
+            sent = environment(found.l);
+#endif
+#if HAS_SHAPE_LIGHTS
+        if (id == light && id >= 0)
+            sent = light_radiance(id, o + t * found.l, found.l);
+#endif
+        output6 = vec4(sent, own);
         output7 = vec4(light_reached(one, o, id, t), other);
     } else {
         int another = light == 0 ? 1 : 0;
         float farther = 1.0 + 2.0 * found.least;
+        vec3 sent = vec3(0.0);
+#if HAS_SKY_LIGHT
+        if (light < 0)
+            sent = environment(found.l);
+#endif
+#if HAS_SHAPE_LIGHTS
+        if (light >= 0)
+            sent = light_radiance(light, o + farther * found.l, found.l);
+#endif
         Scatter drawn = sample_bsdf(m, n, v);
         float drawn_pdf = 0.0, bsdf_pdf = 0.0;
 #if LIGHTS == LIGHTS_MIS
@@ -119,7 +125,7 @@ void main()
         output0 = vec4(choice, pick, u);
         output1 = vec4(light_reached(one, o, another, farther), 0.0);
         output2 = vec4(light_reached(one, o, light, 0.5 * found.least), 0.0);
-        output3 = vec4(light_reached(one, o, light, farther) - sent(light, o, found.l, farther), 0.0);
+        output3 = vec4(light_reached(one, o, light, farther) - sent, 0.0);
         output4 = vec4(drawn.l, drawn_pdf);
         output5 = vec4(bsdf_pdf, pdf_phong(m, n, v, drawn.l), dot(n, drawn.l), 0.0);
         output6 = vec4(eval_phong(m, dot(2.0 * dot(n, v) * n - v, found.l)), 0.0);
