@@ -6,6 +6,7 @@ the threads that draw triangles alone.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from typing import Any, Protocol
@@ -19,6 +20,7 @@ from harness.shader.compute import GROUP, as_compute
 from harness.shader.source import ShaderSource
 
 ENTRIES = ("fragment", "compute")
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 class Entry(Protocol):
@@ -78,7 +80,7 @@ class Groups:
         except moderngl.Error as error:
             raise source.explain(str(error), line_offset(gl)) from None
         self._targets = targets
-        self.uniforms = uniforms_of(self._program) - {"band", "accumulated"}
+        self.uniforms = uniforms_of(self._program) - {"band", "stride", "accumulated"}
 
     def set(self, uniforms: Mapping[str, Any]) -> None:
         set_uniforms(self._program, uniforms)
@@ -88,12 +90,20 @@ class Groups:
         self.set({"accumulated": 0})
 
     def draw(self, bottom: int, rows: int) -> None:
-        self.set({"band": (bottom, bottom + rows)})
-        self._program.run(-(-self._targets[0].width // GROUP), -(-rows // GROUP))
+        across, up = -(-self._targets[0].width // GROUP), -(-rows // GROUP)
+        self.set({"band": (bottom, bottom + rows), "stride": stride(across * up)})
+        self._program.run(across, up)
         context().memory_barrier()
 
     def release(self) -> None:
         self._program.release()
+
+
+def stride(groups: int) -> int:
+    """A step that leads through all of `groups`, any run of them spread over the whole: near the golden section of
+    their number, and of no divisor in common with it; less where its multiples would not fit into 32 bits."""
+    wanted = min(round(groups * GOLDEN), (2**32 - 1) // groups)
+    return next(step for step in range(max(1, wanted), 0, -1) if math.gcd(step, groups) == 1)
 
 
 def chosen() -> str:

@@ -115,3 +115,16 @@ def test_a_wide_llvmpipe_computes_and_draws_no_fragment(monkeypatch: pytest.Monk
     monkeypatch.setattr(contexts, "device", lambda: wide)
     with pytest.raises(MachineError, match=r"^display\.frag: a fragment shader, and in those llvmpipe .* crashes; "):
         Program(OURS.assembled("display.frag"))
+
+
+@pytest.mark.parametrize("groups", [1, 2, 3, 7, 432, 768, 1024, 16_384, 65_536, 1_048_576, 99_991])
+def test_groups_are_led_through_in_an_order_that_spreads_them(groups):
+    order = np.arange(groups, dtype=np.uint64) * entries.stride(groups)
+    assert order.max() < 2**32  # as the shader's numbers are
+    order %= groups
+    assert np.array_equal(np.sort(order), np.arange(groups))
+    if groups > 100:
+        for threads in (2, 5, 16):  # each thread's run has its share of each tenth of the image
+            for run in np.array_split(order, threads):
+                shares = np.histogram(run, bins=10, range=(0, groups))[0] / len(run)
+                assert 0.05 < shares.min() and shares.max() < 0.15
