@@ -18,6 +18,8 @@ RIGIDITY = 1e-4
 HALF_TURN_MARGIN = 1e-5
 # Turns by less (radians) are below the spacing of float32 at 1, and are taken for none.
 SMALLEST_TURN = 1e-7
+# Parts of a unit axis below this are what rounding left of zeros, which is not the same on every processor.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,7 @@ def screw(motion: Matrix) -> Screw:
     if angle < SMALLEST_TURN:
         return Screw(np.array([0.0, 0.0, 1.0]), 0.0, shift)
     axis = twice_sine / np.linalg.norm(twice_sine)
+    axis[np.abs(axis) < ROUNDING] = 0.0
     across = _cross_matrix(axis)
     # The integral of the rotation over the unit of time takes the velocity to the shift.
     integral = (np.eye(3) + (1 - math.cos(angle)) / angle * across

@@ -127,4 +127,4 @@ def test_groups_are_led_through_in_an_order_that_spreads_them(groups):
         for threads in (2, 5, 16):  # each thread's run has its share of each tenth of the image
             for run in np.array_split(order, threads):
                 shares = np.histogram(run, bins=10, range=(0, groups))[0] / len(run)
-                assert 0.05 < shares.min() and shares.max() < 0.15
+                assert shares.min() > 0.05 and shares.max() < 0.15

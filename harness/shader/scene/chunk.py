@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import numpy as np
-
 from harness.scene.frame import framed, spread
 from harness.scene.model import EnvironmentMap, Scene, as_matrix
 from harness.scene.motion import settled
@@ -28,6 +26,7 @@ from harness.shader.scene.materials import (
     two_sided_function,
 )
 from harness.shader.scene.motion import Motions
+from harness.shader.scene.rounding import zeroed
 from harness.shader.scene.textures import declarations, uv_users
 from harness.shader.scene.uv import uv_function
 
@@ -35,10 +34,6 @@ from harness.shader.scene.uv import uv_function
 # is longer than this, that is at most a quarter of what rays are lifted off surfaces by, and to project hits onto their
 # shapes would take 5 % more time and mend nothing. In the units of a scene's frame.
 LONGEST_UNPROJECTED = 128.0
-# Parts of an object axis that are smaller than this are rounding: a rotation by a right angle has entries of 6e-17 for
-# zeros. As zeros they cost nothing: 2 % of spheres, and where denormals are not flushed, since noise is cubed near its
-# lattice, 40 % of procedural textures. float32 knows 6e-8 of the others.
-ROUNDING = 1e-9
 
 
 def scene_chunk(scene: Scene, strategy: str) -> str:
@@ -81,18 +76,9 @@ def scene_chunk(scene: Scene, strategy: str) -> str:
 
 def _without_rounding(scene: Scene) -> Scene:
     """The same with zeros in the transforms of its shapes and its camera where rounding has left something else."""
-    camera = dataclasses.replace(scene.camera, to_world=as_matrix(_zeroed(scene.camera.matrix)))
-    shapes = (dataclasses.replace(shape, to_world=as_matrix(_zeroed(shape.matrix))) for shape in scene.shapes)
+    camera = dataclasses.replace(scene.camera, to_world=as_matrix(zeroed(scene.camera.matrix)))
+    shapes = (dataclasses.replace(shape, to_world=as_matrix(zeroed(shape.matrix))) for shape in scene.shapes)
     return dataclasses.replace(scene, camera=camera, shapes=tuple(shapes))
-
-
-def _zeroed(matrix: np.ndarray) -> np.ndarray:
-    """An affine (4, 4) matrix: each axis by its own largest entry, the place by that of the longest axis."""
-    sizes = np.abs(matrix[:3, :3]).max(axis=0)
-    limits = ROUNDING * np.append(sizes, sizes.max())
-    zeroed = matrix.copy()
-    zeroed[:3][np.abs(zeroed[:3]) < limits] = 0.0
-    return zeroed
 
 
 def _camera(scene: Scene) -> list[str]:

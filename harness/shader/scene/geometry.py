@@ -10,6 +10,7 @@ from harness.scene.model import Shape, ShapeKind
 from harness.shader.scene.displaced import displaced, march_normal
 from harness.shader.scene.literals import chosen, function, grouped, in_comment, is_any, number, rows, vector
 from harness.shader.scene.motion import Motions
+from harness.shader.scene.rounding import to_object
 
 PLANAR = ("rectangle", "disk")
 # Of spheres, in units of a scene's frame, in which what is seen is a few units wide: a hundredth of the offset of a ray
@@ -19,7 +20,7 @@ LARGE_RADIUS = 16.0
 
 def geometric_normal(shape: Shape) -> np.ndarray:
     """The unit normal, (3,), of a planar shape's front: object-space +z under the inverse transpose, flips applied."""
-    return _unit(np.linalg.inv(shape.matrix)[2, :3]) * (-1 if shape.flip_normals else 1)
+    return _unit(to_object(shape)[2, :3]) * (-1 if shape.flip_normals else 1)
 
 
 def intersect_function(shapes: Sequence[Shape], motions: Motions) -> list[str]:
@@ -84,7 +85,7 @@ def projection_function(shapes: Sequence[Shape], *, needed: bool) -> list[str]:
         body.append(f"if (id == {index}) height = large_sphere_height(p, {_anchored(shape)}, {number(1 / diameter)});")
     if cubes := _of_kind(shapes, "cube"):
         body += _rows_of(cubes, "cube", "xyz")
-        sizes = {index: vector(1 / np.linalg.norm(np.linalg.inv(shape.matrix)[:3, :3], axis=1))
+        sizes = {index: vector(1 / np.linalg.norm(to_object(shape)[:3, :3], axis=1))
                  for index, shape in cubes.items()}
         body += chosen("vec3", "sizes", sizes)
         side = _signed(cubes, "cube_height(p, cube_x, cube_y, cube_z, sizes)")
@@ -121,7 +122,7 @@ def _rows_of(shapes: Mapping[int, Shape], name: str, axes: str) -> list[str]:
     """Statements that declare the rows `name`_x, … of shape `id`, as lib/shapes.glsl takes them."""
     body = []
     for axis, letter in enumerate(axes):
-        body += chosen("vec4", f"{name}_{letter}", {index: vector(np.linalg.inv(shape.matrix)[axis])
+        body += chosen("vec4", f"{name}_{letter}", {index: vector(to_object(shape)[axis])
                                                     for index, shape in shapes.items()})
     return body
 
@@ -130,7 +131,7 @@ def _cube_normal(cubes: Mapping[int, Shape]) -> list[str]:
     """Statements that set n on cubes. The places are selected and evaluated once: 18 % faster for twelve of them."""
     if not cubes:
         return []
-    inverses = {index: np.linalg.inv(shape.matrix) for index, shape in cubes.items()}
+    inverses = {index: to_object(shape) for index, shape in cubes.items()}
     body = _rows_of(cubes, "cube", "xyz")
     for axis, name in enumerate("xyz"):
         normals = {index: _unit(inverse[axis, :3]) * (-1 if cubes[index].flip_normals else 1)
@@ -164,7 +165,7 @@ def _placement(shape: Shape) -> str:
     if shape.kind == "sphere":
         center, radius = _sphere(shape)
         return f"{vector(center)}, {number(radius)}"
-    return rows(np.linalg.inv(shape.matrix))
+    return rows(to_object(shape))
 
 
 def _is_large(shape: Shape) -> bool:

@@ -21,6 +21,7 @@ from harness.scene.model import Procedural, Shape, Texture
 from harness.scene.noise import octave_weights
 from harness.scene.procedural import KINDS
 from harness.shader.scene.literals import chosen, function, grouped, is_any, number, vector
+from harness.shader.scene.rounding import to_object
 from harness.shader.scene.targets import Target
 
 # Textures without their colours that are evaluated as one, by the index of their shape.
@@ -87,7 +88,7 @@ def _uncolored(texture: Procedural) -> Procedural:
 
 def _evaluation(textures: Lane, shapes: Sequence[Shape]) -> list[str]:
     """Statements that return t for the texture of shape `id` at p in world space."""
-    rows = {index: texture.frequency * (np.array(texture.to_texture) @ np.linalg.inv(shapes[index].matrix))
+    rows = {index: texture.frequency * (np.array(texture.to_texture) @ to_object(shapes[index]))
             for index, texture in textures.items()}
     lines: list[str] = []
     for axis, name in enumerate("xyz"):

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-import numpy as np
-
 from harness.scene.model import Shape
 from harness.shader.scene.literals import chosen, function, vector
+from harness.shader.scene.rounding import to_object
 
 
 def uv_include(users: Collection[int]) -> list[str]:
@@ -20,7 +19,7 @@ def uv_function(shapes: Sequence[Shape], users: Collection[int]) -> list[str]:
     ids = sorted(users)
     if not ids:
         return function("vec2 surface_uv(int id, vec3 p)", ["return vec2(0.0);"])
-    inverses = {index: np.linalg.inv(shapes[index].matrix) for index in ids}
+    inverses = {index: to_object(shapes[index]) for index in ids}
     body: list[str] = []
     for axis, name in enumerate("xyz"):
         body += chosen("vec4", f"row_{name}", {index: vector(inverses[index][axis]) for index in ids})
