@@ -6,8 +6,10 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,6 +69,23 @@ class TestEach:
         """Three pieces that each cost one worker, where one piece may cost two."""
         traces = [str(tmp_path / "1"), "", str(tmp_path / "2"), "", str(tmp_path / "3")]
         assert list(workers.map(deadly_once, traces)) == traces
+
+    @pytest.mark.parametrize("workers", ["processes"], indirect=True)
+    def test_a_worker_lost_while_others_start_is_a_loss_as_well(self, workers: Executor,
+                                                                monkeypatch: pytest.MonkeyPatch) -> None:
+        """A pool that closes its pipes says so in an OSError of its own making; the system's stay what they are."""
+        submit = ProcessPoolExecutor.submit
+        errors = [OSError("handle is closed"), OSError(11, "no more processes")]
+
+        def failing(*asked: Any) -> Any:
+            if asked[-1] == 3 and errors:
+                raise errors.pop(0)
+            return submit(*asked)
+
+        monkeypatch.setattr(ProcessPoolExecutor, "submit", failing)
+        with pytest.raises(OSError, match="no more processes"):
+            list(workers.map(square, range(5)))
+        assert list(workers.map(square, range(5))) == [0, 1, 4, 9, 16]
 
     @pytest.mark.parametrize("workers", ["processes", "dask"], indirect=True)
     def test_work_that_ends_every_worker_is_given_up(self, workers: Executor) -> None:

@@ -38,6 +38,16 @@ class Processes:
         return ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"),
                                    initializer=_begin, initargs=(self._prepare,))
 
+    def _submitted(self, work: Callable[[Item], Result], item: Item) -> Future[Result]:
+        """BrokenProcessPool where a process has died already: while the pool finds that out it closes its pipes, and a
+        process that is started then meets a closed one."""
+        try:
+            return self._pool.submit(work, item)
+        except OSError as error:
+            if error.errno is not None:  # the system's own: no more processes, no memory
+                raise
+            raise BrokenProcessPool(str(error)) from error
+
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
         """See `Executor.map`. All is handed out at once; a process that dies takes the pool with it, and what was not
         done then goes to the next pool."""
@@ -51,7 +61,7 @@ class Processes:
         try:
             while following < last:
                 try:
-                    futures = futures or {number: self._pool.submit(work, item) for number, item in left.items()}
+                    futures = futures or {number: self._submitted(work, item) for number, item in left.items()}
                     if following not in done:
                         done[following] = futures[following].result()
                 except BrokenProcessPool:
