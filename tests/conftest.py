@@ -40,6 +40,15 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder / "cache"
 
 
+@pytest.fixture(scope="session", autouse=True)
+def usual_width() -> Iterator[None]:
+    """Commands that tests run in their own process get no context with 512-bit vectors: later tests draw fragments in
+    it, which crashes. It did, with AVX-512, where a worker's first context was that of `harness render`."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harness.gpu.width.ask", lambda: None)
+        yield
+
+
 @pytest.fixture
 def run_harness(tmp_path: Path) -> RunHarness:
     """Runs `harness ARGUMENTS` in a process and a folder of its own: run_harness("doctor", "--json", NAME="value")."""

@@ -7,6 +7,7 @@ it takes too long. One child may draw one shader after the other; after one that
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pickle
@@ -160,7 +161,8 @@ class Process:
             end(self._child, grace=0.0)
             for pipe in (self._child.stdin, self._child.stdout):
                 if pipe:
-                    pipe.close()
+                    with contextlib.suppress(BrokenPipeError):  # an order that nobody read is still in it
+                        pipe.close()
             self._child = None
         if self._folder is not None:
             self._folder.cleanup()

@@ -73,6 +73,18 @@ def test_a_child_that_is_killed_is_told_and_replaced() -> None:
         process.open(gratin(SUM), SIZE).frame(Moment.of(0, 0))
 
 
+def test_an_order_that_a_dead_child_left_unread_keeps_nobody_from_closing() -> None:
+    process = Process()
+    process.open(gratin(SUM), SIZE)
+    child = process._child
+    assert child is not None and child.stdin is not None
+    child.stdin.write(b"{}")
+    os.kill(process.pid, signal.SIGKILL)
+    child.wait()
+    process.close()
+    assert child.stdin.closed
+
+
 def test_has_nothing_of_ours_but_what_the_driver_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SECRET_TOKEN", "x")
     with Process() as process:
