@@ -88,7 +88,8 @@ def render(
         raise HarnessError("--watch does not end by itself, so there is no one JSON object to print; leave out --json")
     if library is not None and not library.is_dir():
         raise HarnessError(f"--library: '{library}' is not a folder; give one that holds lib/phong.glsl, for example")
-    ask()
+    if library is None:  # a folder may hold a `main` of its own, which is a fragment shader, now or while one watches
+        ask()
     file = scene_file(scene, size, parameters, max_depth)
     if not scene.is_file():  # nothing to wait for
         open_scene(file)

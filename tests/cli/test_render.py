@@ -21,6 +21,7 @@ from harness.samples.exr import read_estimate
 from harness.samples.tone import encode_srgb
 from harness.scene import load_scene
 from tests.cli.conftest import Harness
+from tests.conftest import RunHarness
 
 SPHERES = data_dir("mitsuba_scenes") / "spheres.xml"
 SMALL = ("--size", "16x12", "--spp", "4")
@@ -231,3 +232,14 @@ def test_the_machine_short_of_opengl_is_one_line_and_status_3(
     assert done.status == 3
     assert done.err == "harness: error: no headless OpenGL 4.3; type: apt-get install -y libegl1\n"
     assert list(here.iterdir()) == []
+
+
+def test_a_folder_with_a_main_of_its_own_is_drawn(run_harness: RunHarness, tmp_path: Path) -> None:
+    """Where the processor has AVX-512 the tracer alone would be given 512 bits, at which fragment shaders crash."""
+    (tmp_path / "own").mkdir()
+    main = (data_dir("glsl") / "path_tracer.frag").read_text(encoding="utf-8")
+    (tmp_path / "own" / "path_tracer.frag").write_text(main + "// own\n", encoding="utf-8")
+    scene = data_dir("mitsuba_scenes") / "spheres.xml"
+    done = run_harness("render", str(scene), "--size", "16x12", "--spp", "1", "--library", "own", "-o", "own.exr")
+    assert (done.returncode, done.stderr.count("error")) == (0, 0)
+    assert (tmp_path / "own.exr").exists()
