@@ -3,8 +3,8 @@
 // devices that run it faster (harness/gpu/device.py); hosts and people have the fragment shader.
 //
 // `pingpong0`, `numpass` and the other uniforms are those of path_tracer.frag; `accumulated` is the texture that the pass
-// fills, RGBA32F and as large as pingpong0. `band`: the first row that is filled, and the row behind the last. `stride`, with
-// no divisor in common with the number of groups: group after group, so many groups of the band are leapt over.
+// fills, RGBA32F and as large as pingpong0. `band`: the first row that is filled, and the row behind the last. `stride`: how
+// many groups of the band are leapt over from one to the next; it has no divisor in common with their number.
 #extension GL_ARB_compute_shader : require
 #include "scene.glsl"
 #include "lib/path.glsl"
@@ -31,7 +31,8 @@ void main()
     // on two cores 1.2 times the time went by.
     uvec2 groups = gl_NumWorkGroups.xy;
     uint group = (gl_WorkGroupID.y * groups.x + gl_WorkGroupID.x) * stride % (groups.x * groups.y);
-    uvec2 pixel = uvec2(group % groups.x, group / groups.x) * 8u + square * 4u + uvec2(lane.x & 3u, lane.x >> 2u) + uvec2(0u, band.x);
+    uvec2 corner = uvec2(group % groups.x, group / groups.x) * 8u + uvec2(0u, band.x);
+    uvec2 pixel = corner + square * 4u + uvec2(lane.x & 3u, lane.x >> 2u);
     if (pixel.x >= uint(size.x) || pixel.y >= uint(band.y))
         return;
     uint first = first_sample + uint(numpass) * uint(samples_per_pass);
