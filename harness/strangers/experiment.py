@@ -178,7 +178,7 @@ class _Experiments:
         values = luminance(stack)
         for repeat in find_repeats(values):
             kind = {"frames_equal": "ignores_seed"}.get(repeat.kind, f"repeats_{repeat.kind}")
-            yield Finding(kind, "fault", "seeds", repeat.told,
+            yield Finding(kind, "note" if repeat.harmless else "fault", "seeds", repeat.told,
                           evidence=(("correlation", repeat.size), ("standard errors", repeat.certain)))
         if float(np.nan_to_num(np.ptp(values, axis=0)).max()) == 0 and not find_repeats(values):
             yield Finding("no_noise", "note", "seeds", "frames do not differ, and pixels neither: there is no noise")

@@ -18,6 +18,11 @@ ROUNDING, ROUGH = 1e-4, 0.02
 # A correlation that is told: so many standard errors, and so large. Calibrated in tests/strangers/test_seeds.py: of
 # right shaders the largest of some hundred lags and a thousand offsets reaches 5 standard errors.
 CERTAIN, LAG, NEIGHBOUR = 8.0, 0.004, 0.02
+# Pixels with as much of their noise in common, or more, are a fault. Each pixel's own mean is right whoever else has
+# its numbers: sequences that pixels share, each begun at a place of its own, have a tenth in common at some offset.
+SHARED = 0.25
+# Frames whose means scatter by less than this part of what independent ones would are spread on purpose.
+SPREAD = 0.8
 # Two pixels with as much of their noise in common have the same numbers.
 SAME = 0.9
 # Frames that it takes for correlations between frames to mean anything.
@@ -33,12 +38,14 @@ CHANCE = 8.0
 @dataclass(frozen=True)
 class Repeat:
     """Random numbers that repeat. `kind`: frames_equal, period, lag, neighbours or pixels. `told`: how. `size`: the
-    correlation; `certain`: its standard errors."""
+    correlation; `certain`: its standard errors. `harmless`: means of pixels are as good as those of independent
+    numbers, or better."""
 
     kind: str
     told: str
     size: float
     certain: float
+    harmless: bool = False
 
 
 def find_repeats(frames: np.ndarray) -> list[Repeat]:
@@ -109,8 +116,19 @@ def _lag(noise: np.ndarray) -> Repeat | None:
     size, certain, lag = best
     if certain < CERTAIN:
         return None
-    return Repeat("lag", f"the noise of frames {lag} apart correlates ({size:+.3f}, {certain:.0f} standard errors): "
-                  "their random numbers overlap", size, certain)
+    told = f"the noise of frames {lag} apart correlates ({size:+.3f}, {certain:.0f} standard errors)"
+    if (scatter := _scatter(noise)) < SPREAD:
+        return Repeat("lag", f"{told}, but means of frames have {scatter:.2g} times the variance that independent ones "
+                      "would: a sequence that is spread evenly", size, certain, harmless=True)
+    return Repeat("lag", f"{told}: their random numbers overlap", size, certain)
+
+
+def _scatter(noise: np.ndarray) -> float:
+    """The variance of the mean of half of the frames, (F, P), over what it were if they were independent; at no lag of
+    `_lag` can they overlap without adding to it."""
+    half = len(noise) // 2
+    apart = noise[:half].mean(axis=0) - noise[-half:].mean(axis=0)
+    return float((apart**2).mean() * half / 2)
 
 
 def _error(each: np.ndarray, lag: int) -> float:
@@ -141,7 +159,8 @@ def _offset(noise: np.ndarray, noisy: np.ndarray) -> Repeat | None:
     dy, dx = (y + height) % (2 * height) - height, (x + width) % (2 * width) - width
     found = float(size[y, x])
     return Repeat("neighbours", f"the noise of pixels ({abs(dx)}, {abs(dy)}) apart correlates ({found:+.2f}, "
-                  f"{certain[y, x]:.0f} standard errors): they share random numbers", found, float(certain[y, x]))
+                  f"{certain[y, x]:.0f} standard errors): they share random numbers", found, float(certain[y, x]),
+                  harmless=found < SHARED)
 
 
 def _pairs(noise: np.ndarray) -> Repeat | None:

@@ -48,7 +48,7 @@ def test_frames_that_overlap_are_found_with_their_lag() -> None:
     rng = np.random.default_rng(2)
     draws = rng.random((SHAPE[0] + 9, *SHAPE[1:]))
     found = [repeat for repeat in find_repeats(draws[9:] + 0.5 * draws[:-9]) if repeat.kind == "lag"]
-    assert found and "frames 9 apart" in found[0].told
+    assert found and "frames 9 apart" in found[0].told and not found[0].harmless
 
 
 def test_pixels_that_share_are_found_with_their_distance() -> None:
@@ -56,6 +56,24 @@ def test_pixels_that_share_are_found_with_their_distance() -> None:
     wide = rng.random((SHAPE[0], SHAPE[1], SHAPE[2] + 3))
     found = [repeat for repeat in find_repeats(wide[..., 3:] + 0.5 * wide[..., :-3]) if repeat.kind == "neighbours"]
     assert found and "(3, 0) apart" in found[0].told
+
+
+def test_a_sequence_that_is_spread_evenly_is_no_fault() -> None:
+    """Kronecker's of the golden ratio, begun anywhere at each pixel: frames 13, 21, … apart are alike, and their means
+    are far better than of independent numbers."""
+    rng = np.random.default_rng(5)
+    frames = np.arange(SHAPE[0])[:, None, None]
+    even = (rng.random(SHAPE[1:]) + 0.6180339887498949 * frames) % 1.0
+    found = [repeat for repeat in find_repeats(even**2) if repeat.kind == "lag"]
+    assert [repeat.harmless for repeat in found] == [True] and "spread evenly" in found[0].told
+
+
+@pytest.mark.parametrize(("common", "harmless"), [(0.35, True), (1.5, False)])
+def test_pixels_that_share_little_are_no_fault(common: float, harmless: bool) -> None:
+    rng = np.random.default_rng(6)
+    own, others = rng.random((2, *SHAPE))
+    found = find_repeats(own + common * np.roll(others, 4, axis=2) + common * others)
+    assert [repeat.harmless for repeat in found if repeat.kind == "neighbours"] == [harmless]
 
 
 def test_pixels_that_are_others_noise_are_found() -> None:
