@@ -10,10 +10,13 @@ import numpy as np
 from PIL import Image
 
 from harness.errors import HarnessError
+from harness.samples.readers import read_image
 
 # Of the random numbers in the noise picture and the volume.
 SEED = 7
 NOISE_SIDE, VOLUME_SIDE = 256, 32
+# Files of radiance, which has no bound; others are pictures of 8 bits.
+RADIANCE = (".exr", ".pfm", ".hdr", ".pic")
 # Radiance of the cube map, from everywhere.
 CUBE_LEVEL = 0.5
 
@@ -58,10 +61,15 @@ class StandIns:
         return self._gl.texture((1, 1), 4, b"\xff" * 4 if reads == "white" else b"\0\0\0\xff")
 
     def _picture(self, path: Path) -> Any:
+        """First row on top, so t grows upwards. Of 8 bits as hosts read them; radiance as it is."""
+        if path.suffix.lower() in RADIANCE:
+            texels = read_image(path).pixels[::-1]
+            rgba = np.concatenate([texels, np.ones_like(texels[..., :1])], axis=2).astype(np.float32)
+            return self._gl.texture(rgba.shape[1::-1], 4, rgba.tobytes(), dtype="f4")
         try:
             with Image.open(path) as image:
                 pixels = image.convert("RGBA").transpose(Image.Transpose.FLIP_TOP_BOTTOM)
         except (OSError, ValueError, Image.DecompressionBombError) as error:
             raise HarnessError(f"{path}: not a picture that can be read ({' '.join(str(error).split())}); give a "
-                               "PNG or JPEG file") from None
+                               "PNG, JPEG, EXR, PFM or Radiance HDR file") from None
         return self._gl.texture(pixels.size, 4, pixels.tobytes())

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from harness.errors import ShaderError
 from harness.gpu.frames import Frames, Moment, iterations_limit, unset_variables
+from harness.samples.estimate import Batch, merge
+from harness.samples.exr import write_estimate
 from harness.shader.contract import Channel, Contract, Role, ShaderPass
 from tests.support.handmade import MEAN, SUM, VERTEX, gratin, shadertoy, source
 
@@ -105,6 +109,19 @@ class TestStandIns:
         left = drawn(one(f"uniform {kind} u; void main() {{ c = texture(u, {at}); }}",
                          channels=(Channel("u", reads, kind, repeat=True),)))
         assert low <= left[..., 0].mean() <= high
+
+    @pytest.mark.parametrize("suffix", ["exr", "png"])
+    def test_are_files_with_their_first_row_on_top(self, tmp_path: Path, suffix: str) -> None:
+        """Radiance beyond 1 as it is."""
+        rows = np.array([[[4.0, 0.5, 0.25]], [[0.0, 1.0, 0.0]]], np.float32)
+        file = tmp_path / f"map.{suffix}"
+        if suffix == "exr":
+            write_estimate(file, merge([Batch(rows, 1)]))
+        else:
+            Image.fromarray((255 * np.minimum(rows, 1)).astype(np.uint8)).save(file)
+        left = drawn(one("uniform sampler2D u; void main() { c = texelFetch(u, ivec2(0, 1), 0); }",
+                         channels=(Channel("u", f"file:{file}", "sampler2D"),)))
+        assert left[0, 0, :3] == pytest.approx([4.0 if suffix == "exr" else 1.0, 0.5, 0.25], abs=0.003)
 
     def test_of_a_sampler_without_a_channel_is_black_and_not_the_past(self) -> None:
         frames = Frames(Contract("test", (one("uniform sampler2D u; void main() { c = texture(u, vec2(0.5)); }"),),
