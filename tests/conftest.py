@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from harness.gpu.width import Verdict
 from harness.pytest_plugin import GateItem
 
 # Where Python may not write bytecode (containers often say so), each of hundreds of processes that tests start would
@@ -45,7 +46,7 @@ def usual_width() -> Iterator[None]:
     """Commands that tests run in their own process get no context with 512-bit vectors: later tests draw fragments in
     it, which crashes. It did, with AVX-512, where a worker's first context was that of `harness render`."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.gpu.width.ask", lambda: None)
+        patch.setattr("harness.gpu.width._Process.decided", Verdict(False, "tests draw fragments as well"))
         yield
 
 

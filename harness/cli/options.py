@@ -161,6 +161,7 @@ def open_store(cache: bool) -> Store | None:
 
 def open_executor(name: str, jobs: int, cluster: Sequence[str] | None) -> AbstractContextManager[Executor]:
     """The executor of that name, with what `--cluster` says. HarnessError for a name or an option that is none."""
+    from harness.gpu.width import ask
     from harness.work.executors import executor
 
     options: dict[str, str | int | float] = {}
@@ -173,7 +174,8 @@ def open_executor(name: str, jobs: int, cluster: Sequence[str] | None) -> Abstra
         else:
             raise HarnessError("--cluster: expected NAME=VALUE, such as partition=cpu, or a .toml file; found "
                                f"'{text}'")
-    return executor(name, jobs, options=options)
+    # A worker of Dask's goes on to other work; those of a job of Slurm's may be of several machines.
+    return executor(name, jobs, ask if name in ("serial", "processes") else None, options)
 
 
 def _number(text: str) -> str | int | float:

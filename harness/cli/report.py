@@ -170,7 +170,7 @@ def _absent(scenes: Sequence[Scene], profile: Profile, family: int, store: Store
               if sides_of(scene.name) and not (features_folder(scene, sides_of(scene.name)) / IMAGES_FILE).exists()]
     if exhibits and not (exhibits_folder() / WORDS_FILE).exists():
         parts.append(Part(EXHIBITS, max((part.work for part in parts), default=1.0),
-                          partial(remembered_exhibits, store, warn=_warn)))
+                          partial(remembered_exhibits, store, warn=_warn), fragments=True))
     return parts
 
 

@@ -67,7 +67,7 @@ class _Process:
 def ask() -> None:
     """Say that this process draws with our own tracer only: its first context may be a wide one.
 
-    Of no effect once there is a context.
+    Of no effect once there is a context. What a worker begins with, where that is all that it will do.
     """
     _Process.asked = True
 

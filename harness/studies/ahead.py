@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from harness.gpu.width import ask
 from harness.progress import Progress, quiet
 from harness.samples import spent
 from harness.work.executors import executor
@@ -15,11 +16,12 @@ from harness.work.executors import executor
 @dataclass(frozen=True)
 class Part:
     """One of them: what it is called, about how much work it is beside the others, and what makes it and leaves it in
-    the cache: picklable, as all that it is given."""
+    the cache: picklable, as all that it is given. `fragments`: whether it draws fragment shaders, too."""
 
     name: str
     work: float
     make: Callable[[], object]
+    fragments: bool = False
 
 
 def make_ahead(parts: Sequence[Part], jobs: int, progress: Progress = quiet) -> dict[str, float]:
@@ -34,9 +36,9 @@ def make_ahead(parts: Sequence[Part], jobs: int, progress: Progress = quiet) -> 
     elapsed, tables = {}, []
     began = time.perf_counter()
     with (progress(sum(part.work for part in parts), f"{len(parts)} parts, {jobs} at a time") as advance,
-          executor("processes", min(jobs, len(parts))) as pool):
+          executor("processes", min(jobs, len(parts)), ask) as pool):
         try:
-            for part, table in zip(longest_first, pool.map(_make, longest_first), strict=True):
+            for part, table in zip(longest_first, pool.map(_placed, longest_first), strict=True):
                 elapsed[part.name] = sum(seconds for _, seconds in table)
                 tables.append(table)
                 advance(part.work)
@@ -46,6 +48,14 @@ def make_ahead(parts: Sequence[Part], jobs: int, progress: Progress = quiet) -> 
             raise
     spent.join(tables, waited=time.perf_counter() - began)
     return elapsed
+
+
+def _placed(part: Part) -> list[tuple[str, float]]:
+    """As `_make`; fragments are drawn in a process that has not asked for the vectors in which they crash."""
+    if not part.fragments:
+        return _make(part)
+    with executor("processes") as own:
+        return next(own.map(_make, [part]))
 
 
 def _make(part: Part) -> list[tuple[str, float]]:
