@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
@@ -20,6 +21,7 @@ from harness.errors import StoreError
 from harness.estimators.mitsuba import Mitsuba
 from harness.estimators.tracer import Tracer
 from harness.files import data_dir
+from harness.gpu.device import ENTRY
 from harness.results import Benchmark, BenchRow, EntrantRow
 from harness.samples.cost import Cost
 from harness.samples.estimate import Batch
@@ -28,8 +30,8 @@ from harness.scene.without import FEATURES
 from tests.support.fakes import NoiseRenderer
 
 CASE = Case("diffuse", "cosine", "path", needed=5.0)
-ROW = BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.5, opponent_rate=2.5, ratio=5.1, low=4.75,
-               high=5.5, wall_ratio=5.0, efficiency_ratio=3.25)
+ROW = BenchRow("diffuse", "cosine", "path", "compute", needed=5.0, tracer_rate=12.5, opponent_rate=2.5, ratio=5.1,
+               low=4.75, high=5.5, wall_ratio=5.0, efficiency_ratio=3.25)
 ENTRANT = EntrantRow("cornell", "tracer", "mis", "sobol", 64, best=True, ratio=4.12, low=3.75, high=4.5)
 
 
@@ -39,6 +41,7 @@ class Paced(NoiseRenderer):
     price: float
     sigma_per_sample: float
     growth = 1.1
+    device = "cpu: test"
 
     def __init__(self, scene: SceneFile, variant: str) -> None:
         super().__init__(sigma=self.sigma_per_sample, size=(4, 4))
@@ -51,7 +54,7 @@ class Paced(NoiseRenderer):
         batch = super().render_batch(replica, start, count, advance)
         rounds = sum(replica == 1 for replica, _, _ in self.calls)
         seconds = count * self.price * self.growth**max(rounds - 1, 0)
-        return dataclasses.replace(batch, cost=Cost(seconds, seconds, None, "cpu: test", "cpu"))
+        return dataclasses.replace(batch, cost=Cost(seconds, seconds, None, self.device, "cpu"))
 
 
 class OurPace(Paced):
@@ -133,10 +136,21 @@ class TestRun:
             measured = [call for call in renderer.calls if call[0] == 1]
             assert [start for _, start, _ in measured] == [sum(c for *_, c in measured[:k]) for k in range(3)]
 
-    def test_the_real_renderers_fit_in(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    @pytest.mark.parametrize(("device", "needed"), [("llvmpipe (LLVM 19, 256 bits)", 5.0),
+                                                    ("llvmpipe (LLVM 19, 512 bits)", 8.0)])
+    def test_more_is_asked_of_wide_vectors(self, paced: list[Paced], monkeypatch: pytest.MonkeyPatch, device: str,
+                                           needed: float) -> None:
+        monkeypatch.setattr(OurPace, "device", device)
+        row, = bench.run([dataclasses.replace(CASE, wide=8.0)], rounds=2)
+        assert row.needed == needed
+
+    @pytest.mark.parametrize("entry", ["", "fragment", "compute"])
+    def test_the_real_renderers_fit_in(self, monkeypatch: pytest.MonkeyPatch, entry: str) -> None:
+        """By each of the tracer's shaders, too, whose process leaves this one's environment alone."""
         monkeypatch.setattr(bench, "PILOT_SPP", 1)
         monkeypatch.setattr(bench, "MAX_SPP", 1)
-        row, = bench.run([Case("diffuse", "cosine", "bsdf_path", 4.0)], rounds=2)
+        row, = bench.run([Case("diffuse", "cosine", "bsdf_path", 4.0, entry=entry)], rounds=2)
+        assert row.entry == entry and ENTRY not in os.environ
         values = dataclasses.asdict(row)
         assert all(math.isfinite(value) and value > 0 for value in values.values() if isinstance(value, float))
         assert row.low <= row.ratio <= row.high
@@ -268,7 +282,7 @@ class TestCommand:
         assert main(["bench", "-o", str(tmp_path / "bench.json")]) == 0
         output = capsys.readouterr()
         assert output.out.splitlines()[1].split() == [
-            "diffuse", "cosine", "path", "12.5", "2.50", "5.10x", "4.75-5.50", "5x", "5.00x", "3.25x"]
+            "diffuse", "cosine", "compute", "path", "12.5", "2.50", "5.10x", "4.75-5.50", "5x", "5.00x", "3.25x"]
         assert output.err == ""
         assert output.out.splitlines()[-1].split() == [
             "cornell", "tracer", "mis", "sobol", "4.12x", "3.75-4.50", "best"]

@@ -24,7 +24,8 @@ def bench(
     json: JsonOption = False,
 ) -> int:
     """Measure the tracer's speed against Mitsuba's, and what features cost, interleaved, by the clock of each
-    one's device: CPU time, or the GPU's own.
+    one's device: CPU time, or the GPU's own. Against Mitsuba by its fragment and its compute shader, each in a
+    process of its own.
 
     A second table is about error, on every bundled scene: how soon the tracer reaches the same one with each of its
     strategies and samplers, as a multiple of Mitsuba's path integrator with the best of Mitsuba's samplers.
@@ -48,9 +49,9 @@ def bench(
         print_json({"rows": found.rows, "entrants": found.entrants, "output": output})
     else:
         print_rich(_table(
-            ("scene", "strategy", "against"),
+            ("scene", "strategy", "entry", "against"),
             ("Ms/s", "other", "ratio", "spread", "needed", "wall ratio", "efficiency"),
-            [(row.scene, row.strategy, row.opponent, f"{row.tracer_rate:.1f}", f"{row.opponent_rate:.2f}",
+            [(row.scene, row.strategy, row.entry, row.opponent, f"{row.tracer_rate:.1f}", f"{row.opponent_rate:.2f}",
               f"{row.ratio:.2f}x", f"{row.low:.2f}-{row.high:.2f}", f"{row.needed:g}x", f"{row.wall_ratio:.2f}x",
               f"{row.efficiency_ratio:.2f}x") for row in found.rows]))
         print_rich(_table(

@@ -10,6 +10,7 @@ class BenchRow:
     """A measured case of `harness bench`. Rates in million samples (paths) per second, medians over the rounds, by the
     clock that counts on the device (`samples.cost.Cost.seconds`).
 
+    `entry`: which of the tracer's shaders was run, `fragment` or `compute`; empty for the device's own.
     `ratio`: tracer's rate over the opponent's, the median of the rounds' own ratios, `low` and `high` their extremes.
     `wall_ratio`: the same by elapsed time. `efficiency_ratio`: of 1 / (variance x time), so it also counts how noisy a
     sample is: how much faster the tracer reaches the same error.
@@ -18,6 +19,7 @@ class BenchRow:
     scene: str
     strategy: str
     opponent: str
+    entry: str
     needed: float
     tracer_rate: float
     opponent_rate: float

@@ -67,12 +67,12 @@ def speed_table(rows: Sequence[BenchRow]) -> Table:
         "GPU's), the GLSL tracer and what it is measured against in turns in one run. Medians over the rounds; of "
         "their ratio also the extremes. path: Mitsuba's own path tracer, which samples light sources as well; "
         "bsdf_path: the tracer's algorithm as a Mitsuba integrator; no lens, no motion: the tracer itself on the same "
-        "scene without it. "
+        "scene without it. Entry: which of the tracer's two shaders was run, where both were. "
         "Elapsed: the ratio by wall clock. Equal error: the ratio of 1 / (variance × time), how much sooner the "
         "tracer reaches the same error, where both draw independent samples.")
-    columns = (Column("Scene", share=1), Column("Strategy"), Column("Against"), Column("GLSL\nM/s", "right"),
-               Column("Other\nM/s", "right"), Column("Ratio", "right"), Column("Target", "right"),
-               Column("Result"), Column("Elapsed", "right"), Column("Equal\nerror", "right"))
+    columns = (Column("Scene", share=1), Column("Strategy"), Column("Entry"), Column("Against"),
+               Column("GLSL\nM/s", "right"), Column("Other\nM/s", "right"), Column("Ratio", "right"),
+               Column("Target", "right"), Column("Result"), Column("Elapsed", "right"), Column("Equal\nerror", "right"))
     return Table(caption, columns, tuple(map(_row, rows)))
 
 
@@ -122,6 +122,6 @@ def _row(row: BenchRow) -> tuple[Cell, ...]:
     rates = (Cell(formats.significant(rate)) for rate in (row.tracer_rate, row.opponent_rate))
     others = (Cell(f"{formats.significant(ratio, 2)}{formats.TIMES}")
               for ratio in (row.wall_ratio, row.efficiency_ratio))
-    return (Cell(row.scene), Cell(row.strategy), Cell(row.opponent), *rates,
+    return (Cell(row.scene), Cell(row.strategy), Cell(row.entry), Cell(row.opponent), *rates,
             Cell(formats.ratio(row.ratio, row.low, row.high)), Cell(f"≥{formats.NBSP}{row.needed:g}{formats.TIMES}"),
             Cell("reached" if mark == "pass" else "missed", mark), *others)

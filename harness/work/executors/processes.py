@@ -36,7 +36,7 @@ class Processes:
 
     def _started(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"),
-                                   initializer=_begin, initargs=(self._prepare,))
+                                   initializer=begin, initargs=(self._prepare,))
 
     def _submitted(self, work: Callable[[Item], Result], item: Item) -> Future[Result]:
         """BrokenProcessPool where a process has died already: while the pool finds that out it closes its pipes, and a
@@ -84,7 +84,7 @@ class Processes:
                 future.cancel()
 
 
-def _begin(prepare: Prepare | None) -> None:
+def begin(prepare: Prepare | None) -> None:
     """What a process does first: see that it ends with the one that started it, even if that is killed."""
     parent = multiprocessing.parent_process()
     assert parent is not None
