@@ -47,6 +47,8 @@ class Defect:
     "#define HAS_LENS 1". `same_as`: ids of the catalogue of mutants that are this slip in one of our lines. `pixel`:
     the defect is a matter of single pixels, and cannot be seen in an image that was reduced. `footprint`: how it
     spreads rays about a pixel's centre, where that is all it does; it may then be found besides another defect.
+    `rounding`: its picture is made by rounding, so another compiler's, or another way to write it, is only much like
+    it.
     """
 
     id: str
@@ -59,6 +61,7 @@ class Defect:
     pixel: bool = False
     where: str = ""
     footprint: Footprint | None = None
+    rounding: bool = False
 
     def applies(self, scene_code: str) -> bool:
         """Whether a scene's generated code has all that the defect needs."""
@@ -116,7 +119,8 @@ def _load(path: Path) -> list[Defect]:
 
 
 def _defect(entry: Mapping[str, Any], where: str) -> Defect:
-    allowed = (*_TEXTS, "needs", "same_as", "pixel", "strategies", "edit", "picture", "footprint")
+    allowed = (*_TEXTS, "needs", "same_as", "pixel", "rounding", "strategies", "edit", "picture",
+               "footprint")
     for key in entry:
         if key not in allowed:
             raise HarnessError(f"{where}: unknown key '{key}' of a defect; allowed: {', '.join(allowed)}")
@@ -131,7 +135,7 @@ def _defect(entry: Mapping[str, Any], where: str) -> Defect:
     name, says, family, formula = (entry[key] for key in _TEXTS)
     return Defect(name, says, family, formula, tuple(pictures), needs=tuple(entry.get("needs", ())),
                   same_as=tuple(entry.get("same_as", ())), pixel=bool(entry.get("pixel", False)), where=where,
-                  footprint=_footprint(entry, where))
+                  footprint=_footprint(entry, where), rounding=bool(entry.get("rounding", False)))
 
 
 def _footprint(entry: Mapping[str, Any], where: str) -> Footprint | None:

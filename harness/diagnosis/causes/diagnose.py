@@ -9,7 +9,18 @@ import numpy as np
 from harness.diagnosis.causes.bounces import Factors, factors, layers
 from harness.diagnosis.causes.candidates import Candidate, candidates
 from harness.diagnosis.causes.catalogue import Defect
-from harness.diagnosis.causes.match import PIXEL_EXCESS, Fit, Seen, apart, factor_to, fit, gain, loglik, smaller
+from harness.diagnosis.causes.match import (
+    PIXEL_EXCESS,
+    Fit,
+    Seen,
+    apart,
+    factor_to,
+    fit,
+    gain,
+    loglik,
+    much_like,
+    smaller,
+)
 from harness.diagnosis.causes.record import Cause, Diagnosis, Outcome
 from harness.diagnosis.causes.transforms import TransformFit, fitted, inner_pixels
 from harness.diagnosis.causes.where import Place, places
@@ -96,7 +107,8 @@ def _ranking(small: Seen, small_right: Seen, seen: Seen, right: Seen, pictures: 
     for candidate in pictures:
         if candidate.defects:
             defect, picture = candidate.defects[0], candidate.seen
-            result = fit(small, picture, mask)
+            rounded = any(each.rounding for each in candidate.defects)
+            result = much_like(small, picture, small_right, mask) if rounded else fit(small, picture, mask)
             cause = Cause("defect", defect.id, defect.says, defect.family, defect.formula, result.chi2, result.same,
                           0.0, tuple(other.id for other in candidate.defects[1:]))
             ranking.append(_Ranked(cause, gain(small, picture, small_right, mask), result, picture))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -64,6 +65,20 @@ def test_names_the_cause(mutant: str, strategy: str, cause: str, reference: Esti
     assert not any(other.same for other in found.causes[1:])
     assert "the same picture as ours with" in found.sentence
     assert f"{found.causes[0].chi2:.2f}; the right picture is excluded" in found.sentence
+
+
+@pytest.mark.parametrize(("rounding", "off", "outcome"), [(True, 0.04, "cause"), (False, 0.04, "near"),
+                                                          (True, 0.15, "near")])
+def test_names_what_rounding_makes_where_it_is_much_like_ours(
+    rounding: bool, off: float, outcome: str, reference: Estimate, store: Store,
+) -> None:
+    """Rays that start on the surface: how many of them meet it again is another number for another compiler."""
+    defect, = (defect for defect in load_defects() if defect.id == "not-offset")
+    acne = drawn(defective(defect.pictures[0]), spp=256)
+    other = dataclasses.replace(acne, mean=acne.mean + np.float32(off) * (reference.mean - acne.mean))
+    found = diagnose(SCENE, other, reference, store=store, depths=False, where=False,
+                     defects=[*DEFECTS, dataclasses.replace(defect, rounding=rounding)])
+    assert defect.rounding and (found.outcome, found.causes[0].id) == (outcome, "not-offset")
 
 
 @pytest.mark.parametrize("strategy", ["uniform", "lobes"])
