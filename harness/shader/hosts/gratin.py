@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 
 from harness.errors import ShaderError
-from harness.shader.contract import Contract, Value
+from harness.shader.contract import Channel, Contract, Value
 from harness.shader.hosts.body import gratin_frame
-from harness.shader.hosts.reading import Answers, Dialect, Given, make_contract, make_pass
+from harness.shader.hosts.reading import Answers, Dialect, Given, make_contract, make_pass, said_channel
 from harness.shader.includes import Piece, joined
 from harness.shader.language import GRATIN
 
@@ -188,15 +188,20 @@ def _inputs(node: Node, nodes: Sequence[Node], names: Mapping[int, str], file: G
         name = f"inBuffer{number}"
         source = next((other for other in nodes if other.index == node.inputs.get(number)), None)
         if source is None:
-            inputs[name] = "black"
-            if name in node.value("genericFragBody"):
-                answers.note(f"{file.name} (node '{node.name}'): nothing feeds '{name}'; it reads black")
+            where = f"{file.name} (node '{node.name}')"
+            said = answers.take(name)
+            inputs[name] = "black" if said is None else said_channel(name, said, Channel(name, "black"), where).reads
+            if said is not None:
+                linear.add(name)
+            elif name in node.value("genericFragBody"):
+                answers.note(f"{where}: nothing feeds '{name}'; it reads black; for an image, --set {name}=file:PATH")
         elif source.index in names:
             inputs[name] = f"pass:{names[source.index]}"
             if source.value("genericOutFilter") == str(_LINEAR):
                 linear.add(name)
         elif image := _image(source):
             inputs[name] = f"file:{file.path.parent / PurePath(image)}"
+            linear.add(name)  # as all textures of Gratin's
         else:
             raise ShaderError(f"{file.name}:1: '{name}' of the node '{node.name}' is fed by '{source.name}', a node of "
                               f"the type '{source.kind}'; only images and the types {' and '.join(_SHADERS)} are known")

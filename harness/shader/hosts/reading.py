@@ -151,6 +151,8 @@ def make_contract(host: str, passes: Sequence[ShaderPass], answers: Answers, siz
     names = [one.name for one in passes]
     declared = sorted({uniform.name for one in passes for uniform in one.uniforms})
     for name in answers.values:
+        if name in declared and name not in answers.used:
+            raise ShaderError(f"{passes[-1].source.files[-1][0]}: --set {name}: the host feeds that; leave it out")
         if name not in answers.used:
             raise ShaderError(f"{passes[-1].source.files[-1][0]}: --set {name}: the shader declares no uniform of that "
                               f"name; it declares {', '.join(declared) or 'none'}")

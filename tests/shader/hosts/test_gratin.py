@@ -7,6 +7,7 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
+from harness.errors import HarnessError
 from harness.shader.hosts import read
 from tests.shader.hosts.test_body import SHOW, SUM
 from tests.support.strangers import compiled, contract_of, drawn, refused
@@ -87,6 +88,14 @@ def test_images_and_inputs_that_nobody_feeds(tmp_path: Path) -> None:
     assert [channel.reads for channel in contract.passes[0].channels] == [
         f"file:{tmp_path}/maps/sky.exr", "black", "self"]
     assert any("nothing feeds 'inBuffer1'" in note for note in contract.notes)
+    said = read([tmp_path / "p.gra"], values={"inBuffer1": "file:ground.png"})
+    assert [(channel.reads, channel.linear) for channel in said.passes[0].channels] == [
+        (f"file:{tmp_path}/maps/sky.exr", True), ("file:ground.png", True), ("self", True)]
+    assert not any("nothing feeds" in note for note in said.notes)
+    with pytest.raises(HarnessError, match=r"p\.gra \(node 't'\): --set inBuffer0: the host feeds that; leave it out"):
+        read([tmp_path / "p.gra"], values={"inBuffer0": "black"})
+    with pytest.raises(HarnessError, match=r"p\.gra \(node 't'\): --set inBuffer1=ground\.png: a sampler reads"):
+        read([tmp_path / "p.gra"], values={"inBuffer1": "ground.png"})
 
 
 @pytest.mark.parametrize(("text", "says"), [
