@@ -33,6 +33,8 @@ SIDE = 48
 SPP = 128
 # Replicas of each side whose variance and time divide the rest between both.
 FIRST = 16
+# Replicas of each side at the most, for Mitsuba has seeds for 1024: of a furnace, two minutes would make more.
+MOST = 1000
 # What rounding may leave, relative: where light is seen directly there is no noise, and every last bit would count.
 ROUNDING = 2e-6
 # All tests of all scenes together raise a false alarm with this probability.
@@ -82,7 +84,7 @@ class OracleFile:
 def measure_oracle(scenes: Sequence[SceneFile], strategy: str, seconds: float, store: Store | None = None, *,
                    keep: Callable[[OracleFile], None] = lambda found: None,
                    advance: Advance = lambda n: None) -> OracleFile:
-    """Draw both sides of each scene until they took so many CPU seconds, and judge their difference.
+    """Draw both sides of each scene until they took so many CPU seconds or `MOST` replicas, and judge their difference.
 
     The seconds are divided so that the variance of the difference is smallest, which takes long runs of a side that is
     noisy, such as an oracle that meets lamps by chance alone, and short ones of a slow integrator (Neyman 1934, "On the
@@ -152,7 +154,7 @@ def _runs(scene: SceneFile, strategy: str, seconds: float, store: Store | None) 
     for run, side, weight in zip(runs, sides, weights, strict=True):
         share = weight / sum(weights) if sum(weights) > 0 else 1 / len(sides)
         with side.open(scene) as run.renderer:
-            while run.estimate().cost.seconds < share * seconds:
+            while run.estimate().cost.seconds < share * seconds and run.replicas < MOST:
                 run.grow(run.replicas + 1)
     return runs[0], runs[1]
 
