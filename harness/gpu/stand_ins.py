@@ -11,6 +11,7 @@ from PIL import Image
 
 from harness.errors import HarnessError
 from harness.samples.readers import read_image
+from harness.shader.hosts.webgl import embedded_image
 
 # Of the random numbers in the noise picture and the volume.
 SEED = 7
@@ -61,7 +62,12 @@ class StandIns:
         return self._gl.texture((1, 1), 4, b"\xff" * 4 if reads == "white" else b"\0\0\0\xff")
 
     def _picture(self, path: Path) -> Any:
-        """First row on top, so t grows upwards. Of 8 bits as hosts read them; radiance as it is."""
+        """First row on top, so t grows upwards. Of 8 bits as hosts read them; radiance as it is. Of an exported page's
+        images, which are named behind it, nothing is changed."""
+        if path.suffix.lower().startswith((".html#", ".htm#")):
+            page, _, name = str(path).rpartition("#")
+            texels = embedded_image(Path(page), name)
+            return self._gl.texture(texels.shape[1::-1], 4, texels.tobytes(), dtype="f4")
         if path.suffix.lower() in RADIANCE:
             texels = read_image(path).pixels[::-1]
             rgba = np.concatenate([texels, np.ones_like(texels[..., :1])], axis=2).astype(np.float32)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from harness.errors import ShaderError
-from harness.shader.contract import Contract
+from harness.shader.contract import Channel, Contract
 from harness.shader.declarations import Declarations, declarations, entry
 from harness.shader.hosts.reading import Answers, Dialect, Frame, Given, make_contract, make_pass
 from harness.shader.hosts.written import written_size
@@ -29,8 +30,10 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
     return contract_of(pieces, "desktop", GRATIN, answers)
 
 
-def contract_of(pieces: Sequence[Piece], host: str, otherwise: Language, answers: Answers) -> Contract:
-    """The contract of the fragment shader among these texts; `otherwise`: its language if it says none."""
+def contract_of(pieces: Sequence[Piece], host: str, otherwise: Language, answers: Answers,
+                channels: Mapping[str, Channel] = MappingProxyType({})) -> Contract:
+    """The contract of the fragment shader among these texts; `otherwise`: its language if it says none; `channels`:
+    what samplers read, where the host's program says so."""
     fragment, vertex = chosen(pieces, answers)
     source = joined([fragment], {**otherwise.macros})
     version, note = said_version(source)
@@ -40,7 +43,7 @@ def contract_of(pieces: Sequence[Piece], host: str, otherwise: Language, answers
         source = joined([fragment], language.macros)
     found = declarations(source, language.macros)
     entry(source, found)
-    frame = Frame(language, zero=language.es, vertex=vertex, lines=_three(found, language))
+    frame = Frame(language, channels=channels, zero=language.es, vertex=vertex, lines=_three(found, language))
     made = make_pass("main", source, frame, answers)
     asks = any(role in ("resolution", "width", "height", "aspect") for _, role in made.roles)
     size = None if asks or "textureSize" in found.names else written_size(source.text)

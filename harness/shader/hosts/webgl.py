@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import base64
+import binascii
+import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
-from harness.errors import ShaderError
-from harness.shader.contract import Contract
+import numpy as np
+
+from harness.errors import HarnessError, ShaderError
+from harness.shader.contract import Channel, Contract
 from harness.shader.hosts.desktop import contract_of
 from harness.shader.hosts.reading import PAGES, SCRIPTS, Answers, Dialect, Given
 from harness.shader.includes import Piece
@@ -19,6 +26,8 @@ _STRING = re.compile(r"(?P<quote>[\"'])(?P<text>(?:\\.|(?!(?P=quote))[^\\\n])*)(
 _ESCAPES = {"n": "\n", "t": "\t", "r": ""}
 _SLOT = re.compile(r"\$\{(?P<name>[^{}]*)\}?")
 _MAIN = re.compile(r"\bvoid\s+main\s*\(")
+# The images in a page of ours (shader/exports/page.html), on a line of its own.
+_IMAGES = re.compile(r"^const IMAGES = (\[.*\]);$", re.MULTILINE)
 _VERSION = re.compile(r"^[ \t]*#[ \t]*version\s+(\d+)\s*(es)?", re.MULTILINE)
 _ES_100 = re.compile(r"\bgl_FragColor\b|\bvarying\b|\btexture2D\b|\bprecision\s+\w+\s+\w+\s*;")
 _ES_300 = re.compile(r"\b(?:uint|uvec[234]|texelFetch|textureSize|floatBitsToUint|uintBitsToFloat|round|trunc|sinh|"
@@ -38,7 +47,41 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
         raise ShaderError(f"{files[0].name}:1: no shader in it (no <script> of a shader's type and no string with void "
                           "main()); name the file that holds one")
     newer = any(_is_newer(_bare(piece.text)) for piece in pieces if "gl_Position" not in piece.text)
-    return contract_of(pieces, "webgl", GLES_300 if newer else GLES_100, answers)
+    channels = {name: Channel(name, f"file:{file.path}#{name}", linear=not image["nearest"], repeat=image["repeats"][0])
+                for file in files for name, image in _embedded(file.text, file.name).items()}
+    return contract_of(pieces, "webgl", GLES_300 if newer else GLES_100, answers, channels)
+
+
+def embedded_image(path: Path, name: str) -> np.ndarray:
+    """The image that an exported page holds for a sampler, (H, W, 4) float32, in the order in which GL takes it.
+    HarnessError for a page that has none of that name, or one that is damaged."""
+    image = _embedded(path.read_text(encoding="utf-8"), path.name).get(name)
+    if image is None:
+        raise HarnessError(f"{path}: no image '{name}' in it; export the scene again")
+    shape = image["height"], image["width"], image["channels"]
+    try:
+        data = np.frombuffer(base64.b64decode(image["texels"], validate=True), "<f4").reshape(shape)
+    except (binascii.Error, ValueError) as error:
+        raise HarnessError(f"{path}: the image '{name}' is damaged ({error}); export the scene again") from None
+    texels = np.ones((*shape[:2], 4), np.float32)
+    texels[..., :shape[2]] = data[..., :4]
+    return texels
+
+
+def _embedded(text: str, name: str) -> Mapping[str, Mapping[str, Any]]:
+    """The images in a page of ours, by their samplers; none where a page has none, or others' of that name."""
+    found = _IMAGES.search(text)
+    try:
+        images = json.loads(found[1]) if found else []
+        return {image["sampler"]: {key: kind(image[key]) for key, kind in _IMAGE.items()} for image in images}
+    except (ValueError, LookupError, TypeError) as error:
+        raise ShaderError(f"{name}:{text.count(chr(10), 0, found.start()) + 1 if found else 1}: the images in it are "
+                          f"damaged ({error}); export the scene again") from None
+
+
+_IMAGE: Mapping[str, Callable[[Any], Any]] = {
+    "width": int, "height": int, "channels": int, "nearest": bool, "repeats": lambda pair: (pair[0], pair[1]),
+    "texels": str}
 
 
 def _is_es(text: str) -> bool:

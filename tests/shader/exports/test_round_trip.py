@@ -83,6 +83,39 @@ def test_what_is_read_back_is_the_same(host: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(found, rendered(scene, "mixture", FRAMES * samples_of(host)))
 
 
+@pytest.mark.parametrize(("name", "strategy"), [("textures", "mixture"), ("environment", "mis"), ("traps/seam", "nee")])
+def test_a_page_is_read_back_with_the_images_in_it(name: str, strategy: str, tmp_path: Path) -> None:
+    """Bitmaps with every filter and wrap, a map, and the table by which directions are drawn from it."""
+    scene = scene_of(name)
+    path = tmp_path / "page.html"
+    path.write_text(str(next(iter(export(scene, strategy, "webgl", samples=SAMPLES).values()))), encoding="utf-8")
+    contract = read([path])
+    assert not contract.unknown
+    frames = Frames(contract, (scene.width, scene.height))
+    for number in range(FRAMES):
+        frames.frame(Moment.of(contract.first_frame + number, number))
+    found = frames.read(contract.radiance)[::-1]
+    frames.release()
+    np.testing.assert_allclose(found, rendered(scene, strategy, FRAMES * SAMPLES), rtol=2e-4, atol=2e-4)
+
+
+@pytest.mark.parametrize(("line", "says"), [
+    ('[{"sampler": "a"}]', r"page\.html:1: the images in it are damaged \('width'\); export the scene again"),
+    ('[{"sampler": "a", "width": 1, "height": 1, "channels": 3, "nearest": true, "repeats": [], "texels": ""}]',
+     "damaged"),
+    ('[', None),  # no list: not a line of ours
+])
+def test_images_of_a_damaged_page_are_told(line: str, says: str | None, tmp_path: Path) -> None:
+    path = tmp_path / "page.html"
+    shader = "<script type='x-shader'>void main() { gl_FragColor = vec4(1.0); }</script>"
+    path.write_text(f"const IMAGES = {line};\n{shader}", encoding="utf-8")
+    if says is None:
+        assert read([path]).host == "webgl"
+        return
+    with pytest.raises(HarnessError, match=says):
+        read([path])
+
+
 @pytest.mark.parametrize("host", HOSTS)
 def test_the_picture_is_that_of_the_display_pass(host: str) -> None:
     """At the scene's exposure, to a step of 8 bits; a pixel without samples is black."""
