@@ -19,8 +19,8 @@ from harness.results import Benchmark, StudyResult
 from harness.studies.storage import load_study
 from tests.cli.conftest import SKY, Harness
 
-ROW = bench.BenchRow("diffuse", "cosine", "path", needed=5.0, tracer_rate=12.0, opponent_rate=2.0, ratio=6.0, low=5.5,
-                high=6.5, wall_ratio=6.1, efficiency_ratio=4.0)
+ROW = bench.BenchRow("diffuse", "cosine", "path", "compute", needed=5.0, tracer_rate=12.0, opponent_rate=2.0, ratio=6.0,
+                low=5.5, high=6.5, wall_ratio=6.1, efficiency_ratio=4.0)
 
 
 TINY = studies.Profile(spp=4, replicas=2, reference_spp=8)
