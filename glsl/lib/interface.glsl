@@ -14,7 +14,7 @@
 // (any shape shines), HAS_TWO_SIDED, HAS_PROCEDURAL, HAS_LENS, HAS_MOTION, HAS_DISPLACED, HAS_PROJECTION (rays are so long
 // that hits are moved back onto their shapes), HAS_ENVIRONMENT_MAP. STRATEGY is one of lib/phong.glsl's, LIGHTS one of the
 // three here, with HAS_LIGHT_CHOICE (there is more than one), HAS_SHAPE_LIGHTS, HAS_SKY_LIGHT and HEURISTIC (lib/mis.glsl).
-// The camera's constants stand in lib/camera.glsl.
+// The camera's constants stand in lib/camera.glsl. BITMAPS_AHEAD is 1 where a device reads a point's bitmaps before all else.
 
 // How light is found: met by paths alone, sampled alone (next-event estimation), or both (multiple importance sampling).
 #define LIGHTS_MET 0
@@ -26,6 +26,10 @@
 #if LIGHTS == LIGHTS_MET
 #define HAS_SHAPE_LIGHTS 0
 #define HAS_SKY_LIGHT 0
+#endif
+
+#if !defined(BITMAPS_AHEAD)
+#define BITMAPS_AHEAD 0
 #endif
 
 // The distance to the nearest hit along o + t d within `reach`, and the shape; `reach` and -1 where there is none. Where
@@ -46,6 +50,9 @@ bool is_black(int id);                                 // whether nothing is ref
 #endif
 #if HAS_PROCEDURAL
 void evaluate_procedural(int id, vec3 rest);           // before material, emission and light_radiance of that point
+#endif
+#if BITMAPS_AHEAD
+void look_up_bitmaps(int id, vec2 uv);                 // before material and emission of that point
 #endif
 #if HAS_PROJECTION
 vec3 project_hit(int id, vec3 rest, vec3 n);           // the nearest point of the shape

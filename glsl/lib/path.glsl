@@ -240,6 +240,9 @@ vec4 trace_samples(vec4 sum, uvec2 pixel, vec2 size, uint replica, uint first, i
 #if HAS_PROCEDURAL
             evaluate_procedural(id, rest);
 #endif
+#if BITMAPS_AHEAD
+            look_up_bitmaps(id, uv);
+#endif
             float facing = -dot(n, d);
 #if HAS_EMISSION
             if (facing > 0.0)

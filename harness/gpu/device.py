@@ -29,7 +29,8 @@ class Device:
     fragment shader once for tiles that a triangle covers whole and once for its edges, unless blending is on.
     `entry`: which of a tracer's two shaders the device runs faster, fragment or compute. `only_computes`: whether
     fragment shaders crash. `starts_ahead`: whether a path's camera ray is best made beside the path before it (see
-    glsl/lib/path.glsl).
+    glsl/lib/path.glsl). `looks_up_ahead`: whether bitmaps are best one array, of which a vertex reads its shape's own
+    (harness/shader/scene/layers.py).
     """
 
     name: str
@@ -42,6 +43,7 @@ class Device:
     entry: Literal["fragment", "compute"] = "fragment"
     only_computes: bool = False
     starts_ahead: bool = False
+    looks_up_ahead: bool = False
 
     @classmethod
     def of(cls, info: Mapping[str, str], features: frozenset[str] = frozenset()) -> Device:
@@ -57,13 +59,16 @@ class Device:
                    # At 256 bits the compute shader was 0 to 16 % faster on one machine and -1 to 2 % on another, so
                    # llvmpipe keeps the entry of the course; GPUs were not measured, and take what hosts take.
                    entry="compute" if wide else "fragment", only_computes=wide,
-                   starts_ahead=software and "avx512vl" in features)
+                   starts_ahead=software and "avx512vl" in features, looks_up_ahead=software)
 
     def fitted(self, source: ShaderSource) -> ShaderSource:
         """A tracer as this device runs it fastest; its bits are those of the source."""
+        defines = {}
         if self.starts_ahead and "STARTS_AHEAD" in source.text:
-            return with_defines(source, {"STARTS_AHEAD": 1})
-        return source
+            defines["STARTS_AHEAD"] = 1
+        if self.looks_up_ahead and "#ifndef BITMAPS_AHEAD" in source.text:  # scenes for which it brings something
+            defines["BITMAPS_AHEAD"] = 1
+        return with_defines(source, defines) if defines else source
 
     def describe(self) -> dict[str, str]:
         """Renderer, version and vendor strings, for keys and provenance; no width that bits do not depend on."""

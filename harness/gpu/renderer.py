@@ -43,10 +43,11 @@ class TracerRenderer:
         self.traits = Traits(independent_batches=self.sampler.independent_batches)
         self.strategy = check_strategy(scene, strategy)
         self.source = source or OURS.tracer(scene, strategy)
-        self._samplers = Samplers(scene, self.source)
+        fitted = device().fitted(self.source)
+        self._samplers = Samplers(scene, fitted)
         iterations = path_iterations(scene, parse_strategy(strategy))
         try:
-            self._pingpong = PingPong(device().fitted(self.source), (scene.width, scene.height), NATIVE,
+            self._pingpong = PingPong(fitted, (scene.width, scene.height), NATIVE,
                                       self._samplers.bind, iterations)
         except BaseException:
             self._samplers.release()

@@ -12,6 +12,8 @@ from harness.scene.importance import sampling_table, texel_density
 from harness.scene.model import EnvironmentMap, Scene
 from harness.shader.scene.bitmaps import images
 from harness.shader.scene.environment import COMPENSATED_TABLE, SAMPLER, drawn_by
+from harness.shader.scene.layers import DEFINE, Layers, layers, texels
+from harness.shader.scene.layers import SAMPLER as LAYERS
 from harness.shader.source import ShaderSource
 
 
@@ -27,7 +29,7 @@ class Samplers:
         `source`: the shader that reads them; where it draws directions from the environment map, it gets the table for
         that too, and the map's alpha is the pdf.
         """
-        self._textures: dict[str, moderngl.Texture] = {}
+        self._textures: dict[str, moderngl.Texture | moderngl.TextureArray] = {}
         gl = context()
         units = int(gl.info["GL_MAX_TEXTURE_IMAGE_UNITS"]) - 1  # one is the renderer's own
         bitmaps = images(scene.shapes)
@@ -37,7 +39,11 @@ class Samplers:
             raise HarnessError(f"scene '{scene.name}' has {len(bitmaps)} bitmaps; this device reads {units} images at "
                                "most in one shader, the environment map and the table by which directions are drawn "
                                "from it among them")
+        ahead = source is not None and f"#define {DEFINE} 1\n" in source.text
         try:
+            if ahead and (found := layers(scene.shapes)) is not None:
+                self._layers(found)
+                bitmaps = []
             for index, bitmap in enumerate(bitmaps):
                 texture = self._upload(f"bitmap{index}", bitmap.path.name, bitmap_texels(bitmap))
                 mode = moderngl.NEAREST if bitmap.filter_type == "nearest" else moderngl.LINEAR
@@ -56,6 +62,14 @@ class Samplers:
         except BaseException:
             self.release()
             raise
+
+    def _layers(self, found: Layers) -> None:
+        rgba = np.ones((len(found.images), *found.size[::-1], 4), dtype=np.float32)
+        rgba[..., :3] = texels(found)
+        texture = context().texture_array((*found.size, len(found.images)), 4, rgba.data, dtype="f4")
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = True
+        self._textures[LAYERS] = texture
 
     def bind(self, first_unit: int) -> dict[str, int]:
         """Bind each texture to a unit from `first_unit` on; the uniforms' values."""
@@ -77,5 +91,6 @@ class Samplers:
                                "scale it down")
         rgba = np.empty((height, width, 4), dtype=np.float32)
         rgba[..., :3], rgba[..., 3] = texels, alpha
-        self._textures[name] = gl.texture((width, height), 4, rgba.data, dtype="f4")
-        return self._textures[name]
+        texture = gl.texture((width, height), 4, rgba.data, dtype="f4")
+        self._textures[name] = texture
+        return texture

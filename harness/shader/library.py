@@ -19,7 +19,7 @@ from harness.shader.source import ShaderSource, assemble
 MAIN = "path_tracer.frag"
 GENERATED = "scene.glsl"  # written from the scene
 # What lib/path.glsl takes for granted of our own files, by the define that says so: 0 where one of them is another's.
-GRANTED = {"STARTS_AHEAD": ("lib/random.glsl",),
+GRANTED = {"STARTS_AHEAD": ("lib/random.glsl",), "BITMAPS_AHEAD": ("lib/bitmaps.glsl",),
            "ENDS_BY_DIRECTION": ("lib/bsdf.glsl", "lib/phong.glsl", "lib/sampling.glsl")}
 SUFFIXES = (".glsl", ".frag")
 

@@ -10,6 +10,14 @@ from collections.abc import Hashable, Mapping, Sequence
 from typing import TypeVar
 
 from harness.scene.model import Bitmap, Checkerboard, Matrix3, Shape
+from harness.shader.scene.layers import (
+    DEFINE,
+    key,
+    layer_assignments,
+    layer_declarations,
+    layers,
+    transformed,
+)
 from harness.shader.scene.literals import chosen, grouped, in_comment, is_any, number, vector
 from harness.shader.scene.targets import Target, textures_of
 
@@ -27,34 +35,43 @@ def images(shapes: Sequence[Shape]) -> list[Bitmap]:
     found: dict[Hashable, Bitmap] = {}
     for texture in (texture for shape in shapes for texture in textures_of(shape)):
         if isinstance(texture, Bitmap):
-            found.setdefault(_image(texture), texture)
+            found.setdefault(key(texture), texture)
     return list(found.values())
 
 
 def declarations(shapes: Sequence[Shape]) -> list[str]:
     """The samplers, each with what a host other than ours has to bind to it, and the library."""
     kinds = {type(texture) for shape in shapes for texture in textures_of(shape)}
-    lines = ['#include "lib/bitmaps.glsl"', ""] if kinds & {Bitmap, Checkerboard} else []
+    head = ['#include "lib/bitmaps.glsl"', ""] if kinds & {Bitmap, Checkerboard} else []
+    lines: list[str] = []
     for index, image in enumerate(images(shapes)):
         decoded = "as it is" if image.raw else "decoded from sRGB if it has 8 or 16 bits"
         wrapped = "repeat" if image.wrap_mode == "repeat" else "clamp to edge"
         lines += [f"// {in_comment(image.path.name)}, {decoded}, first row first; filter {FILTERS[image.filter_type]}, "
                   f"wrap: {wrapped}, no mipmaps.", f"uniform sampler2D bitmap{index};"]
-    return [*lines, ""] if lines else []
+    found = layers(shapes)
+    if found is not None:
+        lines = [f"#ifndef {DEFINE}", f"#define {DEFINE} 0", "#endif",
+                 f"#if {DEFINE}", *layer_declarations(found)[:-1], "#else", *lines, "#endif"]
+    return [*head, *lines, ""] if head else []
 
 
 def bitmap_assignments(targets: Sequence[Target], shapes: Sequence[Shape]) -> list[str]:
     """Statements that set each target to its bitmap's value; `shapes` are all of the scene's."""
+    if not targets:
+        return []
     lines: list[str] = []
     for index, image in enumerate(images(shapes)):
         fitting = [Target(t.variable, t.swizzle, {i: b for i, b in t.uses.items()
-                                                  if isinstance(b, Bitmap) and _image(b) == _image(image)})
+                                                  if isinstance(b, Bitmap) and key(b) == key(image)})
                    for t in targets]
         at = "mirrored(at)" if image.wrap_mode == "mirror" else "at"
         for placement in _placements(fitting, Bitmap):
             settings = [f"if ({is_any(ids)}) {target.variable} = texel.{target.swizzle};"
                         for target in fitting if (ids := list(_placed(target, placement, Bitmap)))]
             lines += _block(placement, f"vec3 texel = bitmap(bitmap{index}, {at});", settings)
+    if (found := layers(shapes)) is not None:
+        return [f"#if {DEFINE}", *layer_assignments(targets, found), "#else", *lines, "#endif"]
     return lines
 
 
@@ -69,11 +86,6 @@ def checkerboard_assignments(targets: Sequence[Target]) -> list[str]:
             settings += [f"if ({is_any(ids)}) {target.variable} = {value};" for value, ids in grouped(colors)]
         lines += _block(placement, "bool is_first = is_first_color(at);", settings)
     return lines
-
-
-def _image(bitmap: Bitmap) -> Hashable:
-    """What makes two bitmaps one sampler."""
-    return bitmap.digest, bitmap.raw, bitmap.filter_type, bitmap.wrap_mode
 
 
 def _placements(targets: Sequence[Target], kind: type[Placed]) -> list[dict[int, Matrix3]]:
@@ -101,14 +113,5 @@ def _colors(board: Checkerboard, swizzle: str) -> str:
 
 def _block(placement: Mapping[int, Matrix3], lookup: str, settings: Sequence[str]) -> list[str]:
     """One lookup in a scope of its own."""
-    coordinates = chosen("vec2", "at", {index: _transformed(matrix) for index, matrix in placement.items()})
+    coordinates = chosen("vec2", "at", {index: transformed(matrix) for index, matrix in placement.items()})
     return ["{", *(f"    {line}" for line in (*coordinates, lookup, *settings)), "}"]
-
-
-def _transformed(matrix: Matrix3) -> str:
-    """uv under `to_uv`."""
-    (a, b, x), (c, d, y), _ = matrix
-    moved = f" + {vector((x, y))}" if x or y else ""
-    if b or c:
-        return f"uv.x * {vector((a, c))} + uv.y * {vector((b, d))}{moved}"
-    return ("uv" if a == d == 1 else f"uv * {vector((a, d))}") + moved

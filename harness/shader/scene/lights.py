@@ -11,11 +11,12 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from harness.scene.lights import ENVIRONMENT, Light, area, face_areas, lights_sampled, reach
-from harness.scene.model import EnvironmentMap, Procedural, Scene, Shape
+from harness.scene.model import Bitmap, EnvironmentMap, Procedural, Scene, Shape
 from harness.scene.strategies import LIGHTS, Strategy
 from harness.shader.scene.displaced import march_steps
 from harness.shader.scene.environment import sampling_functions
 from harness.shader.scene.geometry import geometric_normal
+from harness.shader.scene.layers import kept, layers, where_ahead
 from harness.shader.scene.literals import chosen, function, is_any, number, vector
 from harness.shader.scene.motion import Motions
 from harness.shader.scene.procedural import lanes
@@ -98,13 +99,17 @@ def _radiance(scene: Scene, shapes: Mapping[int, Shape], motions: Motions) -> li
     if not shapes:
         return []
     textured = any(isinstance(shape.emission, Procedural) for shape in shapes.values())
-    kept = range(len(lanes(scene.shapes)) if textured else 0)
+    ramps = range(len(lanes(scene.shapes)) if textured else 0)
     uv = "surface_uv(id, rest)" if set(uv_users(scene.shapes)).intersection(shapes) else "vec2(0.0)"
+    ahead = layers(scene.shapes) if any(isinstance(shape.emission, Bitmap) for shape in shapes.values()) else None
+    looked_up = kept(ahead, uv) if ahead else ([], [])
     body = [f"vec3 rest = {'to_rest(id, p)' if motions.shapes else 'p'};",
-            *(f"float kept_{lane} = ramp_{lane};" for lane in kept),  # the vertex's own material is still to be read
+            *(f"float kept_{lane} = ramp_{lane};" for lane in ramps),  # the vertex's own material is still to be read
             *(["evaluate_procedural(id, rest);"] if textured else []),
+            *where_ahead(looked_up[0]),
             f"vec3 radiance = emission(id, rest, {uv});",
-            *(f"ramp_{lane} = kept_{lane};" for lane in kept)]
+            *where_ahead(looked_up[1]),
+            *(f"ramp_{lane} = kept_{lane};" for lane in ramps)]
     if marched := [index for index, shape in shapes.items() if shape.kind == "displacedsphere"]:
         normal = "surface_normal(id, rest)"
         normal = f"from_rest(id, {normal})" if motions.shapes else normal
