@@ -29,8 +29,9 @@ from harness.work.run import Run
 FILE = "oracle.json"
 # The longer side of the image, in pixels: the fewer pixels, the more samples each, and the mean is as sharp.
 SIDE = 48
-# Samples per pixel of one replica: at this size some tenths of a second of CPU time.
-SPP = 128
+# Samples per pixel of one replica: at this size some tenths of a second of CPU time. Twice as many, four times, … where
+# more than so many seconds are asked for, since there are seeds for so many replicas only.
+SPP, LONG = 128, 256.0
 # Replicas of each side whose variance and time divide the rest between both.
 FIRST = 16
 # Replicas of each side at the most, for Mitsuba has seeds for 1024: of a furnace, two minutes would make more.
@@ -141,10 +142,11 @@ def oracle_file() -> Path:
 def _runs(scene: SceneFile, strategy: str, seconds: float, store: Store | None) -> tuple[Run, Run]:
     """Both sides, drawn; one renderer lives at a time (see `estimators.held`)."""
     sides: tuple[Estimator, Estimator] = (Coupled(strategy), Mitsuba("path"))
+    spp = SPP << max(0, math.ceil(math.log2(seconds / LONG)))
     runs, weights = [], []
     for side in sides:
         with side.open(scene) as renderer:
-            run = Run(renderer, SPP, store)
+            run = Run(renderer, spp, store)
             run.grow(1)
             compiled = run.estimate().cost.seconds  # the first replica's time is mostly that of the compiler
             run.grow(FIRST)

@@ -51,7 +51,9 @@ def test_it_agrees_and_is_kept_after_each_scene(little: None, tmp_path: Path) ->
 def test_there_are_no_more_replicas_than_seeds(little: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """However long it may take: an hour ended at replica 1024 of a furnace."""
     monkeypatch.setattr(oracle, "MOST", 6)
-    assert measure_oracle([SceneFile.bundled("furnace_convex")], "mixture", 1000.0).records[0].spp == (24, 24)
+    for seconds, spp in ((256.0, 4), (257.0, 8), (1025.0, 32)):
+        found = measure_oracle([SceneFile.bundled("furnace_convex")], "mixture", seconds).records[0]
+        assert found.spp == (6 * spp, 6 * spp)
 
 
 def test_what_both_sides_of_a_coupled_verdict_share_shows_here(little: None, monkeypatch: pytest.MonkeyPatch) -> None:
