@@ -119,9 +119,9 @@ def _measure(case: Case, rounds: int, advance: Callable[[float], None]) -> Bench
             advance(1)
     ratios = [a / b for a, b in zip(ours.rate, theirs.rate, strict=True)]
     walls = [a / b for a, b in zip(ours.wall, theirs.wall, strict=True)]
-    wide = case.wide is not None and f"{WIDE} bits" in ours.device
+    needed = case.wide if case.wide is not None and f"{WIDE} bits" in ours.device else case.needed
     return BenchRow(
-        case.scene, case.strategy, case.opponent, case.entry, (case.wide if wide else None) or case.needed,
+        case.scene, case.strategy, case.opponent, case.entry, needed,
         tracer_rate=statistics.median(ours.rate) / 1e6, opponent_rate=statistics.median(theirs.rate) / 1e6,
         ratio=statistics.median(ratios), low=min(ratios), high=max(ratios), wall_ratio=statistics.median(walls),
         efficiency_ratio=ours.efficiency() / theirs.efficiency())

@@ -28,6 +28,9 @@ _SLOT = re.compile(r"\$\{(?P<name>[^{}]*)\}?")
 _MAIN = re.compile(r"\bvoid\s+main\s*\(")
 # The images in a page of ours (shader/exports/page.html), on a line of its own.
 _IMAGES = re.compile(r"^const IMAGES = (\[.*\]);$", re.MULTILINE)
+_IMAGE: Mapping[str, Callable[[Any], Any]] = {
+    "width": abs, "height": abs, "channels": abs, "nearest": bool, "repeats": lambda pair: (pair[0], pair[1]),
+    "texels": str}
 _VERSION = re.compile(r"^[ \t]*#[ \t]*version\s+(\d+)\s*(es)?", re.MULTILINE)
 _ES_100 = re.compile(r"\bgl_FragColor\b|\bvarying\b|\btexture2D\b|\bprecision\s+\w+\s+\w+\s*;")
 _ES_300 = re.compile(r"\b(?:uint|uvec[234]|texelFetch|textureSize|floatBitsToUint|uintBitsToFloat|round|trunc|sinh|"
@@ -55,17 +58,15 @@ def read(files: Sequence[Given], answers: Answers) -> Contract:
 def embedded_image(path: Path, name: str) -> np.ndarray:
     """The image that an exported page holds for a sampler, (H, W, 4) float32, in the order in which GL takes it.
     HarnessError for a page that has none of that name, or one that is damaged."""
-    image = _embedded(path.read_text(encoding="utf-8"), path.name).get(name)
+    image = _embedded(path.read_text(encoding="utf-8", errors="replace"), path.name).get(name)
     if image is None:
         raise HarnessError(f"{path}: no image '{name}' in it; export the scene again")
     shape = image["height"], image["width"], image["channels"]
     try:
         data = np.frombuffer(base64.b64decode(image["texels"], validate=True), "<f4").reshape(shape)
-    except (binascii.Error, ValueError) as error:
+        return np.dstack([data, np.ones((*shape[:2], 4), np.float32)])[..., :4].astype(np.float32)
+    except (binascii.Error, ValueError, TypeError) as error:
         raise HarnessError(f"{path}: the image '{name}' is damaged ({error}); export the scene again") from None
-    texels = np.ones((*shape[:2], 4), np.float32)
-    texels[..., :shape[2]] = data[..., :4]
-    return texels
 
 
 def _embedded(text: str, name: str) -> Mapping[str, Mapping[str, Any]]:
@@ -77,11 +78,6 @@ def _embedded(text: str, name: str) -> Mapping[str, Mapping[str, Any]]:
     except (ValueError, LookupError, TypeError) as error:
         raise ShaderError(f"{name}:{text.count(chr(10), 0, found.start()) + 1 if found else 1}: the images in it are "
                           f"damaged ({error}); export the scene again") from None
-
-
-_IMAGE: Mapping[str, Callable[[Any], Any]] = {
-    "width": int, "height": int, "channels": int, "nearest": bool, "repeats": lambda pair: (pair[0], pair[1]),
-    "texels": str}
 
 
 def _is_es(text: str) -> bool:

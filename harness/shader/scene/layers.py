@@ -25,7 +25,7 @@ DEFINE = "BITMAPS_AHEAD"
 SAMPLER = "bitmap_layers"
 # By how many lookups a vertex must be poorer: two make a scene 1.2 times as fast, one nothing.
 LEAST_SAVED = 2
-# What the array may take, in bytes: images are a quarter of it at the least, and often much less.
+# What the array may take, in bytes: all layers are as large as the largest image asks for.
 MOST_BYTES = 1 << 26
 _TEXEL_BYTES = 16
 

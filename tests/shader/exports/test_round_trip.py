@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from harness.gpu.frames import Frames, Moment
 from harness.scene import Scene, load_scene
 from harness.shader.exports import HOSTS, export
 from harness.shader.hosts import read
+from harness.shader.hosts.webgl import embedded_image
 from tests.support.exported import accumulate, displayed, drawn, rendered
 
 SCENES = Path(__file__).parents[3] / "mitsuba_scenes"
@@ -114,6 +116,19 @@ def test_images_of_a_damaged_page_are_told(line: str, says: str | None, tmp_path
         return
     with pytest.raises(HarnessError, match=says):
         read([path])
+
+
+@pytest.mark.parametrize(("sides", "texels"), [
+    ((2, 2, 3), "AAAA"), ((1, 1, 1), "?"), ((-1, 1, 1), ""), ((1, "1", 1), "")])
+def test_a_damaged_image_is_told_when_it_is_read(sides: tuple[int, int, int], texels: str, tmp_path: Path) -> None:
+    path = tmp_path / "page.html"
+    page = dict(zip(("width", "height", "channels"), sides, strict=True))
+    page |= {"sampler": "a", "nearest": True, "repeats": [False, False], "texels": texels}
+    path.write_text(f"const IMAGES = [{json.dumps(page)}];\n", encoding="utf-8")
+    with pytest.raises(HarnessError, match=r"damaged \(.*\); export the scene again"):
+        embedded_image(path, "a")
+    with pytest.raises(HarnessError, match=r"no image 'b' in it|damaged"):
+        embedded_image(path, "b")
 
 
 @pytest.mark.parametrize("host", HOSTS)
