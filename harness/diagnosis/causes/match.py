@@ -37,10 +37,11 @@ LEVEL = 1e-8
 # called different once in 60; with it they have 0.87 to 1.12.
 PIXEL_EXCESS = 0.3
 LARGEST = 1.0 + PIXEL_EXCESS
-# Where so many pixels have no noise and their neighbours have (edges alone make a twentieth), most of it has not come
-# yet, and neither a pixel says anything by itself nor the smallest tiles: of 60 right images of `cornell`, drawn
-# uniformly with half of the paths ended at every vertex, pixels told all from the right one, and tiles of 4 seven.
-UNRESOLVED = 0.1
+# Where so many pixels have no noise though six of their eight neighbours have, as no edge makes them, most of it has
+# not come yet, and neither a pixel says anything by itself nor the smallest tiles: of 60 right images of `cornell`,
+# drawn uniformly with half of the paths ended at every vertex (0.05 here; of other strangers 0.01 at most), pixels told
+# all from the right one, and tiles of 4 seven.
+UNRESOLVED, SURROUNDED = 0.02, 5.5 / 9
 # Where rounding makes a picture: by what part of its difference from the right one another's may be off, everywhere at
 # once. Rays that start on the surface take 22.7 % of the light of `spheres` in one host's shader, 23.0 % in another's.
 MUCH_LIKE = 0.05
@@ -53,7 +54,7 @@ class Seen:
     `inflation`: how much larger the variance of the image's mean is than independent pixels would have it, at least 1:
     pixels that share random numbers are correlated. `dof`: of the variances, infinite where exact. `third`: (H, W, 3),
     the third central moment of the mean, None where it counts as zero. `unresolved`: the part of the pixels that have
-    no variance beside others that have.
+    no variance among others that have.
     """
 
     mean: np.ndarray
@@ -78,7 +79,8 @@ class Seen:
         independent = own.sum((0, 1)) / pixels**2
         known = independent > 0
         ratio = np.divide(estimate.image_variance[:3], independent, out=np.ones(3), where=known)
-        unresolved = float(((own == 0) & (around > 0)).mean())
+        beside = uniform_filter((own > 0).astype(np.float32), size=(3, 3, 1), mode="nearest")
+        unresolved = float(((own == 0) & (beside > SURROUNDED)).mean())
         return cls(estimate.mean, steadied, max(1.0, float(ratio.mean())), dof, estimate.third, unresolved)
 
 
