@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -136,6 +139,25 @@ class TestProcesses:
         assert os.getpid() not in {number for number, _ in found}
         assert {threads for _, threads in found} == {"1"}
         assert not set(ONE_THREAD) & set(os.environ)
+
+    def test_a_process_that_a_broken_pool_forgets_is_ended(self, monkeypatch: pytest.MonkeyPatch,
+                                                           tmp_path: Path) -> None:
+        """One that starts while the pool breaks is not ended by it, which then waits for it for ever."""
+        monkeypatch.setattr(SpawnProcess, "terminate", lambda process: None)
+        traces = ["", str(tmp_path / "trace"), ""]
+        found: list[str] = []
+
+        def run() -> None:
+            with executor("processes", 2) as opened:
+                found.extend(opened.map(deadly_once, traces))
+
+        running = threading.Thread(target=run, daemon=True)
+        running.start()
+        running.join(120)
+        ended = not running.is_alive()
+        for child in multiprocessing.active_children() if not ended else ():
+            child.kill()
+        assert ended and found == traces
 
     def test_what_the_user_set_wins(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")

@@ -72,7 +72,7 @@ class Processes:
                         raise given_up(f"piece {following + 1} of {last}, or one that ran beside it,") from None
                     left = {number: item for number, item in left.items() if number not in done}
                     futures = {}
-                    self._pool.shutdown(wait=True, cancel_futures=True)
+                    _end(self._pool)
                     self._pool = self._started()
                     continue
                 result = done.pop(following)
@@ -82,6 +82,14 @@ class Processes:
         finally:
             for future in futures.values():
                 future.cancel()
+
+
+def _end(pool: ProcessPoolExecutor) -> None:
+    """End a pool that broke, its processes first: of one that was started meanwhile the pool knows too late, and waits
+    without end for it, as it does for work."""
+    for process in list((pool._processes or {}).values()):
+        process.kill()
+    pool.shutdown(wait=True, cancel_futures=True)
 
 
 def begin(prepare: Prepare | None) -> None:
