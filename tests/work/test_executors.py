@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import _ExecutorManagerThread
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from types import SimpleNamespace
@@ -144,6 +145,9 @@ class TestProcesses:
                                                            tmp_path: Path) -> None:
         """One that starts while the pool breaks is not ended by it, which then waits for it for ever."""
         monkeypatch.setattr(SpawnProcess, "terminate", lambda process: None)
+        dismiss, forgets = _ExecutorManagerThread.shutdown_workers, [True]
+        monkeypatch.setattr(_ExecutorManagerThread, "shutdown_workers",
+                            lambda manager: None if forgets and forgets.pop() else dismiss(manager))
         traces = ["", str(tmp_path / "trace"), ""]
         found: list[str] = []
 
