@@ -28,8 +28,8 @@ def oracle(
 
     Coupled gates cannot see what the oracle and the tracer have in common: the generator, and the directions made of
     its numbers. This looks for it, as sharply as the time allows. What was drawn is kept, so the same command goes on
-    where it was interrupted, and one with more seconds adds to it. Exit status 1 where the two differ by more than
-    chance explains.
+    where it was interrupted, and one with more seconds adds to it (up to 256; with more, replicas are longer and
+    others). Exit status 1 where the two differ by more than chance explains.
 
     Example: `harness oracle mitsuba_scenes/spheres.xml --seconds 120`
     """

@@ -91,7 +91,8 @@ def measure_oracle(scenes: Sequence[SceneFile], strategy: str, seconds: float, s
     noisy, such as an oracle that meets lamps by chance alone, and short ones of a slow integrator (Neyman 1934, "On the
     two different aspects of the representative method", J. Roy. Statist. Soc. 97, with costs): the division depends on
     first replicas' variances, on no error. `store` keeps the batches and what they took, so a run that was interrupted
-    goes on where it was, and a longer one adds to it. `keep` is given all that was found so far after each scene.
+    goes on where it was, and a longer one adds to it, as long as its replicas are as long (`LONG`). `keep` is given all
+    that was found so far after each scene.
     HarnessError for an unknown strategy or no scene, SceneError for a scene outside the oracle's reach.
     """
     if not scenes:

@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Any
 
-from harness.estimators.base import Estimator
+from harness.estimators.base import Estimator, Renderer
 from harness.samples.estimate import Batch
 from harness.scene import SceneFile
 from harness.work.executors.base import Prepare
@@ -50,19 +49,20 @@ class ApartRenderer:
         return batch
 
 
-# Of the process apart.
-_open_renderers = ExitStack()
-_renderers: list[Any] = []
+class _There:
+    """Of the process apart: its renderer, and what closes it."""
+
+    renderer: Renderer
+    opened = ExitStack()
 
 
 def _open(estimator: Estimator, scene: SceneFile) -> None:
-    _renderers.append(_open_renderers.enter_context(estimator.open(scene)))
+    _There.renderer = _There.opened.enter_context(estimator.open(scene))
 
 
 def _draw(replica: int, start: int, count: int) -> Batch:
-    batch: Batch = _renderers[-1].render_batch(replica, start, count)
-    return batch
+    return _There.renderer.render_batch(replica, start, count)
 
 
 def _close() -> None:
-    _open_renderers.close()
+    _There.opened.close()

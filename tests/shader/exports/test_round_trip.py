@@ -32,6 +32,18 @@ def samples_of(host: str) -> int:
     return 16 if host == "glsl" else SAMPLES
 
 
+def read_back(paths: list[Path], scene: Scene) -> np.ndarray:
+    """The sums after `FRAMES` frames of files as the readers of strangers' shaders have them, row 0 at the top."""
+    contract = read(paths)
+    assert not contract.unknown
+    frames = Frames(contract, (scene.width, scene.height))
+    for number in range(FRAMES):
+        frames.frame(Moment.of(contract.first_frame + number, number))
+    found = frames.read(contract.radiance)[::-1]
+    frames.release()
+    return found
+
+
 @pytest.mark.parametrize("host", HOSTS)
 @pytest.mark.parametrize(("name", "strategy", "exact_in_es"), [
     ("cylinders", "uniform", True), ("depth_of_field", "mixture", False), ("traps/far_camera", "lobes", True),
@@ -75,14 +87,7 @@ def test_what_is_read_back_is_the_same(host: str, tmp_path: Path) -> None:
         path.write_text(str(text), encoding="utf-8")
         if path.suffix != ".glsl" and not name.endswith(".display.frag"):  # the JSON holds Shadertoy's tabs
             paths.append(path)
-    contract = read(paths)
-    assert not contract.unknown
-    frames = Frames(contract, (scene.width, scene.height))
-    for number in range(FRAMES):
-        frames.frame(Moment.of(contract.first_frame + number, number))
-    found = frames.read(contract.radiance)[::-1]
-    frames.release()
-    np.testing.assert_array_equal(found, rendered(scene, "mixture", FRAMES * samples_of(host)))
+    np.testing.assert_array_equal(read_back(paths, scene), rendered(scene, "mixture", FRAMES * samples_of(host)))
 
 
 @pytest.mark.parametrize(("name", "strategy"), [("textures", "mixture"), ("environment", "mis"), ("traps/seam", "nee")])
@@ -91,14 +96,8 @@ def test_a_page_is_read_back_with_the_images_in_it(name: str, strategy: str, tmp
     scene = scene_of(name)
     path = tmp_path / "page.html"
     path.write_text(str(next(iter(export(scene, strategy, "webgl", samples=SAMPLES).values()))), encoding="utf-8")
-    contract = read([path])
-    assert not contract.unknown
-    frames = Frames(contract, (scene.width, scene.height))
-    for number in range(FRAMES):
-        frames.frame(Moment.of(contract.first_frame + number, number))
-    found = frames.read(contract.radiance)[::-1]
-    frames.release()
-    np.testing.assert_allclose(found, rendered(scene, strategy, FRAMES * SAMPLES), rtol=2e-4, atol=2e-4)
+    expected = rendered(scene, strategy, FRAMES * SAMPLES)
+    np.testing.assert_allclose(read_back([path], scene), expected, rtol=2e-4, atol=2e-4)
 
 
 @pytest.mark.parametrize(("line", "says"), [
